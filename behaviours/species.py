@@ -69,6 +69,9 @@ class WalkSpec(Spec):
         4.0, "largest acceleration for speeding up, braking and turning", "m/s²", gt=0, le=200
     )
     turn: float = spec_field(10.0, "fastest turn", "rad/s", gt=0, le=200)
+    steepest: float = spec_field(
+        2.0, "slope of the steepest ground that it walks on; it goes round steeper ground", "m/m", gt=0, le=100
+    )
 
 
 class FlySpec(Spec):

@@ -1,8 +1,8 @@
 """Herds filmed from above, with the truth beside the film.
 
-`shoot` films a `Truth` (`benchmarks.foreign_herds`) with a camera that drifts, turns and zooms, over textured ground, with
-noise and compression, and gives a `Film`: the file, and where every animal is in every frame.  `evidence_of_truth` is
-what a perfect observer would know.
+`shoot` films a `Truth` (`benchmarks.foreign_herds`) with a camera that drifts, turns and zooms, over textured ground,
+with noise and compression, and gives a `Film`: the file, and where every animal is in every frame.
+`evidence_of_truth` is what a perfect observer would know.
 """
 
 from __future__ import annotations

@@ -6,6 +6,9 @@
     python benchmarks/learning.py calibration [--count 60] [--write]  errors of the verdict (learning_calibration.py)
     python benchmarks/learning.py tracks --data DIR [--write]   tracks of real animals (learning_tracks.py)
     python benchmarks/learning.py models [--seeds 3] [--write]  identify the model (learning_models.py)
+    python benchmarks/learning.py time [--runs 1]               seconds of learning a clip (learning_times.py)
+    python benchmarks/learning.py photos [--full]               spacing from photographs (learning_photos.py)
+    python benchmarks/learning.py variants [--full]             compressions and crops (learning_variants.py)
     python benchmarks/learning.py positions [--animals 200] [--starts 5] [--noise DEGREES BODYLENGTHS]
 
 ``step``: milliseconds of one optimisation step (visibility, the turns of all animals and their gradients), by torch
@@ -34,8 +37,11 @@ sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve
 import learning_calibration  # noqa: E402
 import learning_halves  # noqa: E402
 import learning_models  # noqa: E402
+import learning_photos  # noqa: E402
+import learning_times  # noqa: E402
 import learning_tracks  # noqa: E402
 import learning_truth  # noqa: E402
+import learning_variants  # noqa: E402
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec  # noqa: E402
 
 TRUTHS = {  # weight, radial, angular of avoidance, cohesion, alignment; speed and its deviation, BL/s
@@ -225,6 +231,9 @@ def main(argv=None):
     learning_calibration.add(parts)
     learning_tracks.add(parts)
     learning_models.add(parts)
+    learning_photos.add(parts)
+    learning_times.add(parts)
+    learning_variants.add(parts)
     args = parser.parse_args(argv)
     rows = args.run(args)
     if args.json:

@@ -114,7 +114,7 @@ def _row(level, path, overlays):
         )
     pairs = zip(was, now, (".2f", ".2f", ".0f", ".2f"), strict=True)
     cells = " | ".join(f"{a:{form}} / {b:{form}}" for a, b, form in pairs)
-    warnings = "too ", "only", "unreliable", "never moves"
+    warnings = "too ", "only", "unreliable", "never moves", "several species"
     said = "; ".join(note.split(":")[0] for note in told.notes if any(word in note for word in warnings))
     return f"{begin} {cells} | {said} |"
 

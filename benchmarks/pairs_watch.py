@@ -8,6 +8,7 @@ from flockbrush.components.agent import SETTLED
 from flockbrush.engine.solid_queries import surface_
 from flockbrush.systems.binding import can_do
 from flockbrush.systems.fauna import AIR, PLANE, WATER, SpeciesList
+from flockbrush.systems.ground_height import steepness_at
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.spawning import inside_polygon
@@ -29,6 +30,7 @@ class Watch:
     def forget(self):
         """Forget the previous tick, after animals or the ground have changed."""
         self.before, self.slow, self.above = None, {}, set()  # above: ids of animals above the ground
+        self.trod = set()  # ids of walking animals on ground that is not too steep
 
     def look(self):
         """Check this tick."""
@@ -51,6 +53,7 @@ class Watch:
         ground = np.array([land.ground(xy) for xy in xyz[:, :2]])
         self.above = set(agents.ids[xyz[:, 2] - ground > FALLS].tolist())
         self._ground(agents, xyz[:, 2] - ground, flies)
+        self._slopes(agents, land, table.steepest[species], species, flies)
         self._obstacles(agents, land, xyz, ground, flies)
         self._air(agents, velocity, xyz[:, 2] - ground, table.slowest[species], flies)
         self.before = agents.ids.copy(), forward.copy(), flies.copy()
@@ -98,6 +101,14 @@ class Watch:
         length, radius = agents[Body.length], agents[Body.radius]
         if (~flies & (height > radius + 0.3 * length + ROUNDING)).any():
             self.wrong("a walking animal is above the ground")
+
+    def _slopes(self, agents, land, steepest, species, flies):
+        hills = land.hills_for(steepest)
+        steep = np.array([steepness_at(hills, x, y) for x, y in agents[Position.xyz][:, :2]]) > steepest
+        for at in np.flatnonzero(steep & ~flies & np.isin(agents.ids, list(self.trod)))[:1]:
+            names = self.simulation.world.resource(SpeciesList).names
+            self.wrong(f"a {names[species[at]]} walks onto ground that is too steep for its species")
+        self.trod = set(agents.ids[~steep & ~flies].tolist())
 
     def _obstacles(self, agents, land, xyz, ground, flies):
         for barrier in land.barriers:

@@ -61,7 +61,7 @@ class Playground:
         self.session = Session.open(level, agents=count, state_folder=folder)
         self.session.play()
         self.app = App(self.session, SIZE, "light")
-        self.app.notify = _silent
+        self.app.notify, self.app.patience = _silent, 0.0
         if space != self.app.canvas.in_space:  # levels of birds open in space
             self.app.toggle_space()
         if space and not self.app.canvas.follows:
@@ -72,7 +72,7 @@ class Playground:
         found = []
         for _ in range(count):
             begin, before = time.perf_counter(), self.session.moment
-            self.app.frame(1 / FPS, patience_s=0.0)
+            self.app.frame(1 / FPS)
             found.append((*(1000 * self.app.seconds[part] for part in PARTS), self.session.moment is not before))
             time.sleep(max(0.0, begin + 1 / FPS - time.perf_counter()))
         self.session.timeline  # noqa: B018  the last tick has ended: it does not run beside what is measured next

@@ -1,6 +1,7 @@
 """Rewrite the parts of the documentation that are generated from the code: ``python docs/generate.py``.
 
-The JSON schemas in ``docs/schemas`` and the tables of parameters in ``docs/models.md``.
+The JSON schemas in ``docs/schemas``, and the tables in ``docs/models.md`` (parameters), ``docs/brushes.md`` (sliders)
+and ``docs/species.md`` (numbers of a species).
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ import json
 from pathlib import Path
 
 from flockbrush.behaviours.behaviour import Behaviour, Parameters, behaviours
+from flockbrush.behaviours.spec import Spec
+from flockbrush.behaviours.species import SpeciesSpec
 
 DOCS = Path(__file__).parent
 
@@ -46,8 +49,11 @@ def _range(field) -> str:
     if choices and all(isinstance(choice, str) for choice in choices):
         return ", ".join(choices)
     bounds = {type(bound).__name__: bound for bound in field.metadata}
-    low, high = (getattr(bounds.get(name), name.lower(), None) for name in ("Ge", "Le"))
-    return "any" if low is None and high is None else f"{low:g} to {high:g}"
+    low, above, high = (getattr(bounds.get(name), name.lower(), None) for name in ("Ge", "Gt", "Le"))
+    if low is None and above is None:
+        return "any"
+    start = f"{low:g}" if above is None else f"above {above:g}"
+    return f"{start} to {high:g}" if high is not None else start if low is None else f"from {start}"
 
 
 def models_page(text: str) -> str:
@@ -78,20 +84,33 @@ def slider_table() -> str:
     return "\n".join(rows)
 
 
-def brushes_page(text: str) -> str:
-    """The page of brushes with the table of sliders as it is now."""
-    before, marker, after = text.partition("<!-- sliders -->")
-    return f"{before}{slider_table()}\n\n{after.partition(chr(10) * 2)[2]}" if marker else text
+def species_table() -> str:
+    """The numbers of a species, as a Markdown table below a marker."""
+    rows = ["<!-- numbers of a species -->", "| key | default | range | unit | meaning |", "|---|---|---|---|---|"]
+    for section, part in SpeciesSpec.model_fields.items():
+        if isinstance(part.annotation, type) and issubclass(part.annotation, Spec):
+            for name, field in part.annotation.model_fields.items():
+                unit = (field.json_schema_extra or {"unit": "-"})["unit"]
+                row = f"`{section}.{name}`", field.default, _range(field), unit, field.description
+                rows.append(f"| {' | '.join(map(str, row))} |")
+    return "\n".join(rows)
+
+
+def with_table(text: str, table: str) -> str:
+    """A page with one of its tables as it is now; the marker is the table's first line."""
+    before, marker, after = text.partition(table.split("\n")[0])
+    return f"{before}{table}\n\n{after.partition(chr(10) * 2)[2]}" if marker else text
 
 
 def texts() -> dict[Path, str]:
     """Return the text of every generated file."""
     page = DOCS / "models.md"
-    brushes = DOCS / "brushes.md"
-    return schema_texts() | {
-        page: models_page(page.read_text(encoding="utf-8")),
-        brushes: brushes_page(brushes.read_text(encoding="utf-8")),
-    }
+    tables = {DOCS / "brushes.md": slider_table(), DOCS / "species.md": species_table()}
+    return (
+        schema_texts()
+        | {page: models_page(page.read_text(encoding="utf-8"))}
+        | {path: with_table(path.read_text(encoding="utf-8"), table) for path, table in tables.items()}
+    )
 
 
 if __name__ == "__main__":

@@ -46,9 +46,9 @@ def command(cls):
     """Make a class with an ``apply(world)`` method a frozen dataclass, recordable by its name.
 
     What cannot be done raises a ValueError or a LookupError before anything has been changed.  A command may also
-    have a ``check(world)`` that raises for what can be known beforehand, such as the name of a brush, and an
-    ``inverse(world)``, asked just before it is applied: the commands that take it back (see `Commands.perform`).
-    Both ``inverse`` and ``apply`` begin with the check.
+    have a ``check(world)`` that raises for what can be known beforehand, such as the name of a brush, and a
+    ``touches(world)``: the parts of the world that it changes, so that it can be undone (see `Commands.perform`).
+    Both ``touches`` and ``apply`` begin with the check.
     Its fields must be numbers, strings, booleans, None, or lists and dicts of those, so that a
     recording can hold them as JSON.
     """
@@ -56,7 +56,7 @@ def command(cls):
     known = COMMANDS.get(cls.__name__)
     if known is not None and known.__module__ != cls.__module__:
         raise ValueError(f"command {cls.__name__} is already registered by {known.__module__}")
-    for name in ("inverse", "apply") if hasattr(cls, "check") else ():
+    for name in ("touches", "apply") if hasattr(cls, "check") else ():
         if hasattr(cls, name):
             setattr(cls, name, _checked(getattr(cls, name)))
     COMMANDS[cls.__name__] = cls
@@ -279,7 +279,9 @@ class Commands:
         Returns
         -------
         list of command
-            What takes them back, in order.  A command without an ``inverse`` has nothing to take back.
+            What takes them back, in order.  Each part that a command touches has ``taken(world)``, what is kept of
+            it just before the command is applied, and ``back(world, taken)``, called just after: the commands that
+            put back what differs.  A command without ``touches`` has nothing to take back.
 
         Raises
         ------
@@ -302,12 +304,14 @@ class Commands:
         now = world.resource(Clock).tick
         try:
             cmd = _as_replayed(cmd)
-            undo = [_as_replayed(taken) for taken in cmd.inverse(world)] if hasattr(cmd, "inverse") else []
+            parts = cmd.touches(world) if hasattr(cmd, "touches") else []
+            before = [part.taken(world) for part in parts]
             cmd.apply(world)
         except (ValueError, LookupError) as error:
             raise CommandError(now, cmd, error.args[0] if error.args else error) from error
         self._applied(world, cmd)
-        return undo
+        back = (one for part, taken in zip(parts, before, strict=True) for one in part.back(world, taken))
+        return [_as_replayed(one) for one in back]
 
     def _applied(self, world, cmd):
         """Log a command, and follow the script as it is from now on."""

@@ -18,8 +18,8 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from flockbrush.engine.locks import Advice
 
 SMALL = 512  # rows; below this a second thread costs more than it brings
-PROBE = 128  # rows done alone, to see how long the rest would take
-WORTH = 400_000  # ns of work left; waking a thread takes 100,000, on a loaded machine more
+PROBE = 128  # rows done alone the first time, to see how long the rest would take
+WORTH = 400_000  # ns of work; waking a thread takes 100,000, on a loaded machine more
 PIECES = 2  # at least, for each thread: who is late leaves more to the others
 
 
@@ -45,6 +45,7 @@ _threads = _threads_at_start()
 _pool: ThreadPoolExecutor | None = None
 _lock = threading.Lock()
 _helper = threading.local()  # .busy in the threads of the pool
+_pace: dict[object, float] = {}  # ns a row of each kernel took the last time
 
 
 def set_threads(count):
@@ -75,18 +76,25 @@ def over_rows(kernel, count, *args, chunk=1024):
     if _threads == 1 or count <= SMALL or getattr(_helper, "busy", False):
         kernel(0, count, *args)
         return
-    begin = time.perf_counter_ns()
-    kernel(0, PROBE, *args)
-    if (time.perf_counter_ns() - begin) * (count - PROBE) < WORTH * PROBE:
-        kernel(PROBE, count, *args)
+    begun = 0 if kernel in _pace else PROBE
+    if begun:
+        _timed(kernel, 0, begun, args)
+    if _pace[kernel] * (count - begun) < WORTH:
+        _timed(kernel, begun, count, args)
     else:
-        _share(kernel, count, args, chunk)
+        _share(kernel, begun, count, args, chunk)
 
 
-def _share(kernel, count, args, chunk):
-    """All rows behind the probe, by this thread and helpers."""
-    chunk = min(chunk, -(-(count - PROBE) // (PIECES * _threads)))
-    chunks = deque(range(PROBE, count, chunk))
+def _timed(kernel, lo, hi, args):
+    begin = time.perf_counter_ns()
+    kernel(lo, hi, *args)
+    _pace[kernel] = (time.perf_counter_ns() - begin) / (hi - lo)
+
+
+def _share(kernel, begun, count, args, chunk):
+    """All rows from ``begun`` on, by this thread and helpers."""
+    chunk = min(chunk, -(-(count - begun) // (PIECES * _threads)))
+    chunks = deque(range(begun, count, chunk))
     errors: list[tuple[int, BaseException]] = []
 
     def work():
@@ -111,7 +119,7 @@ def _share(kernel, count, args, chunk):
 
 def _attempt(kernel, lo, hi, args, chunks, errors):
     try:
-        kernel(lo, hi, *args)
+        _timed(kernel, lo, hi, args)
     except BaseException as error:  # noqa: BLE001  raised again when all have ended
         errors.append((lo, error))
         chunks.clear()

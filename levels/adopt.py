@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.levels.files import DiskFiles, FileRefused, project_folder
+from flockbrush.levels.checked_nodes import parsed_document
 from flockbrush.levels.ground_rules import suggested
 from flockbrush.levels.json_lines import JsonError
-from flockbrush.levels.nodes import parsed_document
+from flockbrush.levels.level_files import DiskFiles, FileRefused, project_folder
+from flockbrush.levels.level_writer import dump, write_level
 from flockbrush.levels.properties import FilePlace, Report, Values
 from flockbrush.levels.reader import LevelReader, read_level_text
 from flockbrush.levels.schema import CLASSES, GROUP, LAYER_NAMES, SCHEMA
-from flockbrush.levels.writer import dump, write_level
 
 _TILE_LAYERS = {"terrain": 1, "brush": 0.4, "speed": 0.5}  # opacity
 _OBJECT_LAYERS = tuple(name for name in LAYER_NAMES if name not in (*_TILE_LAYERS, "height"))

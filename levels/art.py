@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from flockbrush.engine import limits, pictures
+from flockbrush.engine import limits, picture_decoding
 from flockbrush.levels.tile_data import FLIP_FLAGS
 
 _ACROSS, _DOWN, _DIAGONAL = 0x80000000, 0x40000000, 0x20000000
@@ -95,10 +95,10 @@ class TilePictures:
 
 def read_art(data, transparent=""):
     """The picture in a file as premultiplied BGRA, (h, w, 4) uint8; None for what is no picture or too large."""
-    size = pictures.picture_size(data)
+    size = picture_decoding.picture_size(data)
     if size is None or size[0] * size[1] > limits.PICTURE_PIXELS:
         return None
-    picture = pictures.decoded(data, _WITH_ALPHA)
+    picture = picture_decoding.decoded(data, _WITH_ALPHA)
     if picture is None:
         return None
     if picture.dtype == np.uint16:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import copy
 import json
 import os
-from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -20,40 +19,22 @@ from flockbrush.engine.files import write_bytes
 from flockbrush.engine.plain_json import json_lines
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.levels.document_changes import EditError
-from flockbrush.levels.files import MemoryFiles, project_folder
+from flockbrush.levels.level_files import MemoryFiles, project_folder
+from flockbrush.levels.level_writer import Document, dump
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.map_edits import EditedMap
-from flockbrush.levels.steps import Steps
-from flockbrush.levels.writer import Document, dump
+from flockbrush.levels.steps import CommandStack, EditStep
 
 FORMAT = 1  # of the journal
 
-__all__ = ["EditError", "Editor", "JournalError", "EditStep"]
+__all__ = ["EditError", "Editor", "JournalError"]
 
 
 class JournalError(ValueError):
     """A journal that cannot be read; the text says why."""
 
 
-@dataclass
-class EditStep:
-    """What one undo takes back."""
-
-    label: str
-    commands: list
-    back: list
-    tick: int
-    join: str | None = None
-    serial: int = 0  # another number after every change of it
-    again: list | None = None  # what brings it back in the world just as it was; None: ``commands``
-    changes: list | None = field(default=None, repr=False)  # of the document; None: not done to this one yet
-
-    def forward(self):
-        """What does it again in the world."""
-        return list(self.commands if self.again is None else self.again)
-
-
-class Editor(Steps):
+class Editor(CommandStack):
     """A level open for editing.
 
     Parameters
@@ -79,7 +60,6 @@ class Editor(Steps):
         self._base, self._base_path = dump(document.data), str(document.path)
         self._events: list[dict] = []
         self._serial = self._saved = self._highest = 0
-        self._joinable = False
         self._journal: Any = None
         self.journal_problem = ""  # why the journal could not be written, "" while all is well
 
@@ -106,22 +86,12 @@ class Editor(Steps):
         return dump(self.document.data)
 
     @property
-    def undo_commands(self):
-        """What undo does to the world, or None."""
-        return list(self._done[-1].back) if self._done else None
-
-    @property
-    def redo_commands(self):
-        """What redo does to the world, or None."""
-        return self._undone[-1].forward() if self._undone else None
-
-    @property
     def dirty(self):
         """Whether the document is another than the one last saved."""
         return self._mark() != self._saved
 
     def _mark(self):
-        return next((step.serial for step in reversed(self._done) if step.changes), 0)
+        return next((step.serial for step in reversed(self.done) if step.changes), 0)
 
     def new_id(self):
         """An id for a new object that nobody else gets."""
@@ -160,16 +130,10 @@ class Editor(Steps):
         EditError
             When the file cannot take it.  Nothing has changed then.
         """
-        joined = join is not None and self._joinable and self._done and self._done[-1].join == join
-        step = self._done[-1] if joined else EditStep(label, [], [], tick, join, changes=[])
-        step.changes += self._change(commands)  # type: ignore[operator]
-        step.commands += commands
-        step.back = [*back, *step.back]
+        changes = self._change(commands)
+        step = self.note(label, commands, back, tick, join)
+        step.changes = [*(step.changes or []), *changes]
         step.serial = self._next_serial()
-        if not joined:
-            self._done.append(step)
-        self._undone.clear()
-        self._joinable = join is not None
         told = {"label": label, "commands": _told(commands), "back": _told(back), "join": join}
         self._note("do", tick, serial=step.serial, **told)
 
@@ -181,11 +145,10 @@ class Editor(Steps):
         again : sequence of command, optional
             What brings exactly this back in the world, as `Commands.perform` gave it for `undo_commands`.
         """
-        step = self._done[-1]
+        step = self.done[-1]
         for change in reversed(step.changes or []):
             change.back()
-        self._undone.append(self._done.pop())
-        self._joinable = False
+        self.take_back()
         step.again = None if again is None else list(again)
         self._note("undo", tick, again=None if again is None else _told(again))
         return list(step.back)
@@ -198,15 +161,14 @@ class Editor(Steps):
         back : sequence of command, optional
             What takes it back, as `Commands.perform` gave it for `redo_commands`.
         """
-        step = self._undone[-1]
+        step = self.undone[-1]
         if step.changes is None:
             step.changes = self._change(step.commands)
             step.serial = self._next_serial()
         else:
             for change in step.changes:
                 change.again()
-        self._done.append(self._undone.pop())
-        self._joinable = False
+        self.do_again()
         if back is not None:
             step.back = list(back)
         self._note("redo", tick, serial=step.serial, back=None if back is None else _told(back))
@@ -241,15 +203,12 @@ class Editor(Steps):
         """
         early = [event for event in self._events if event["tick"] < tick + after or event["event"] == "save"]
         other = self._replayed(early)
-        known, mine = ([step.serial for step in each._done] for each in (other, self))
-        later = self._done[len(known) :] if mine[: len(known)] == known else []
+        known, mine = ([step.serial for step in each.done] for each in (other, self))
+        later = self.done[len(known) :] if mine[: len(known)] == known else []
         if later:  # built on what is there; after an undo it would be built on something else
-            other._undone = [
-                EditStep(step.label, list(step.commands), list(step.back), step.tick, step.join, step.serial)
-                for step in reversed(later)
-            ]
+            other.undone = [step.copy() for step in reversed(later)]
         other._serial, other._saved, other._highest = self._serial, self._saved, self._highest
-        other._note("ahead", tick, steps=[_step_told(step) for step in other._undone])
+        other._note("ahead", tick, steps=[_step_told(step) for step in other.undone])
         return other
 
     def restarted(self) -> Editor:
@@ -263,7 +222,7 @@ class Editor(Steps):
         other.sheet.find_grids()
         for event in other._events:
             event |= {"tick": 0} | {key: _of_nobody(event[key]) for key in ("back", "again") if event.get(key)}
-        for step in (*other._done, *other._undone):
+        for step in (*other.done, *other.undone):
             step.tick, step.again = 0, None
             step.back = _commands(_of_nobody(_told(step.back)))
         return other
@@ -281,16 +240,16 @@ class Editor(Steps):
         kind, tick = event["event"], event["tick"]
         if kind == "do":
             self.do(event["label"], _commands(event["commands"]), _commands(event["back"]), tick, event["join"])
-            self._done[-1].serial = self._serial = event["serial"]
+            self.done[-1].serial = self._serial = event["serial"]
             self._events[-1]["serial"] = event["serial"]
         elif kind == "undo":
             self.undo(tick, event["again"] and _commands(event["again"]))
         elif kind == "redo":
             self.redo(tick, event["back"] and _commands(event["back"]))
-            self._done[-1].serial = event["serial"]
+            self.done[-1].serial = event["serial"]
             self._serial = max(self._serial, event["serial"])
         elif kind == "ahead":
-            self._undone = [_step_of(step) for step in event["steps"]]
+            self.undone = [_step_of(step) for step in event["steps"]]
             self._note("ahead", tick, steps=event["steps"])
         elif kind == "save":
             self._moved(event["path"], event["moved"])
@@ -321,7 +280,7 @@ class Editor(Steps):
             self._moved(str(before), {new: old for old, new in moved.items()})
             self._saved = saved  # it is not
             raise
-        self._note("save", self._done[-1].tick if self._done else 0, path=str(to), moved=moved)
+        self._note("save", self.done[-1].tick if self.done else 0, path=str(to), moved=moved)
         return to
 
     def _moved(self, path, moved):

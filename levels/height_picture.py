@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 import numpy as np
-from flockbrush.engine import limits, pictures
+from flockbrush.engine import limits, picture_decoding
 
 AS_STORED = -1  # cv2.IMREAD_UNCHANGED
 
@@ -19,7 +19,7 @@ def read_grey(data: bytes) -> np.ndarray:
         raise ValueError("the picture must be grey, 8 or 16 bit, without colour or transparency")
     if not 0 < width * height <= limits.HEIGHT_PIXELS:
         raise ValueError(f"the picture has {width} x {height} pixels; there may be at most {limits.HEIGHT_PIXELS}")
-    grey = pictures.decoded(data, AS_STORED)
+    grey = picture_decoding.decoded(data, AS_STORED)
     if grey is None or grey.ndim != 2:
         raise ValueError("the picture is damaged")
     return grey

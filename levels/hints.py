@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from flockbrush.behaviours.brush import flies_free
 from flockbrush.behaviours.mixture import can_mix, path_between
+from flockbrush.engine.raster import Raster
 from flockbrush.levels import geometry
 from flockbrush.levels.properties import is_number
+from flockbrush.levels.terrain_kinds import Terrain
+from flockbrush.systems.navigation import goal_field, goal_mask
+from flockbrush.systems.terrain import compose_blocked, steepest_within, steepness_of
 
+_ANYWHERE = 100.0  # slope that anybody who climbs anything walks on
 _AHEAD = 2.0  # cells before the end of a guide in which a wall is looked for
 
 
@@ -163,3 +170,43 @@ def _wall_at(level, point):
     if level.terrain is not None and not level.terrain.walkable[int(y / level.cell), int(x / level.cell)]:
         return "ground that no animal walks on"
     return ""
+
+
+def slope_hints(level, places, library, fauna):
+    """Warn about animals on ground that their species does not walk, and about goals behind such ground.
+
+    Parameters
+    ----------
+    places : dict of int to Place
+        By the id of the object.
+    library : BrushLibrary
+    fauna : SpeciesLibrary
+    """
+    hills = level.height_map
+    if hills is None:
+        return
+    steepness = steepness_of(hills.values, hills.cell)
+    steep = Raster(level.cell, steepest_within(steepness, hills.cell, level.shape, level.cell))
+    costs = functools.cache(lambda limit: Raster(level.cell, _costs(level, steep.values > limit)))
+    for spawn in level.spawns:
+        species = fauna.find(spawn.species)
+        if species is None or not species.can("walk") or flies_free(library.get(spawn.brush)):
+            continue
+        limit, points = species.walk.steepest, geometry.sample(spawn.polygon)
+        if steep.values.max() <= limit:
+            continue
+        walks = f"steeper than species {spawn.species!r} walks (walk.steepest is {limit:g})"
+        if (steep.at(points) > limit).mean() > 0.5:
+            places[spawn.id].warn(f"more than half of it is {walks}")
+        elif level.goals and costs(limit).at(points).min() == np.inf > costs(_ANYWHERE).at(points).min():
+            places[spawn.id].warn(f"no way leads to goal {level.goals[0].name[:60]!r}: the ground between is {walks}")
+
+
+def _costs(level, steep):
+    """(ny, nx) least cost to the first goal, round steep ground; infinite where no way leads."""
+    terrain, goal = level.terrain or Terrain.blank(level.shape), level.goals[0]
+    solid = [o for o in level.obstacles if o.solid and o.z_min <= 0.0]
+    blocked = steep | compose_blocked(level.shape, level.cell, terrain.walkable, solid)
+    height = level.height_map.sample(Raster(level.cell, blocked).centres())
+    mask = goal_mask(goal.xy, goal.radius, goal.polygon, level.shape, level.cell)
+    return goal_field(mask, terrain.cost, blocked, level.cell, height)[1]

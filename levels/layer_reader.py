@@ -8,8 +8,8 @@ import numpy as np
 from flockbrush.engine import limits
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.levels import schema
+from flockbrush.levels.checked_nodes import FAR, real, text, whole
 from flockbrush.levels.json_lines import Node
-from flockbrush.levels.nodes import FAR, real, text, whole
 from flockbrush.levels.properties import FilePlace, shown
 from flockbrush.levels.tile_data import decode, unpack
 

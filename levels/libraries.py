@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flockbrush.behaviours.program import ProgramLibrary, shipped_programs
-from flockbrush.levels.files import MemoryFiles, project_folder
+from flockbrush.levels.level_files import MemoryFiles, project_folder
 
 
 def brush_library(path, files=None):

@@ -15,8 +15,8 @@ import numpy as np
 from flockbrush.levels import geometry
 from flockbrush.levels.document_changes import MISSING, EditError, KeySet, TilesPut, put
 from flockbrush.levels.document_nodes import binds_some, every_layer, is_class
-from flockbrush.levels.files import DiskFiles
 from flockbrush.levels.layer_reader import kind_of
+from flockbrush.levels.level_files import DiskFiles
 from flockbrush.levels.object_outlines import outline_of, reshape, shape_as
 from flockbrush.levels.playground_tiles import PlaygroundTiles
 from flockbrush.levels.schema import CLASSES, GROUP

@@ -8,7 +8,7 @@ from flockbrush.engine import limits
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.solids import polyhedron
 from flockbrush.levels import geometry, schema
-from flockbrush.levels.nodes import class_of, real, text, whole
+from flockbrush.levels.checked_nodes import class_of, real, text, whole
 from flockbrush.levels.properties import read_properties
 from flockbrush.levels.schema import (
     CLASSES,

@@ -6,13 +6,13 @@ from flockbrush.engine import limits
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.levels.document_changes import EditError
 from flockbrush.levels.json_lines import parse
+from flockbrush.levels.level_writer import dump
 from flockbrush.levels.properties import FilePlace, Report
 from flockbrush.levels.reader import LevelReader
 from flockbrush.levels.terrain_kinds import TERRAINS
 from flockbrush.levels.tiled import _tile
 from flockbrush.levels.tileset_reader import TilesetReader
 from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS
-from flockbrush.levels.writer import dump
 
 PLAYGROUND = "playground"  # name of the tileset that holds what the level's own tilesets lack
 

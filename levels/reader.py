@@ -12,17 +12,18 @@ from pathlib import Path
 
 import numpy as np
 from flockbrush.behaviours.program import Program, shipped_programs
+from flockbrush.behaviours.species import shipped_species
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.engine.raster import Raster
 from flockbrush.levels import schema
 from flockbrush.levels.art_reader import ArtReader
+from flockbrush.levels.checked_nodes import parsed, text
 from flockbrush.levels.checks import check_level
-from flockbrush.levels.files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles
 from flockbrush.levels.height_picture import read_grey
-from flockbrush.levels.hints import layer_hints, level_hints, mixing_hints, paint_hints
+from flockbrush.levels.hints import layer_hints, level_hints, mixing_hints, paint_hints, slope_hints
 from flockbrush.levels.layer_reader import LayerReader, kind_of, plain_name, split
+from flockbrush.levels.level_files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles
 from flockbrush.levels.libraries import brush_library, program_library, recorded_library
-from flockbrush.levels.nodes import parsed, text
 from flockbrush.levels.objects import ObjectReader
 from flockbrush.levels.properties import FilePlace, Report, read_properties, shown
 from flockbrush.levels.schema import CLASSES, BrushLayer, Level, PaintBounds
@@ -144,6 +145,8 @@ class LevelReader:
             for zone in level.zones:
                 paint_hints(zone, self.objects.places[zone.id], self.library)
             mixing_hints(level, self.objects.places, self.library, place)
+            fauna = getattr(self.library, "species", None) or shipped_species()
+            slope_hints(level, self.objects.places, self.library, fauna)
         level.warnings = sorted(self.report.warnings, key=lambda p: (p.file, p.line or 0))
         return level
 

@@ -6,10 +6,10 @@ import posixpath
 
 import numpy as np
 from flockbrush.engine.files import write_bytes
+from flockbrush.levels.level_writer import Document, dump
 from flockbrush.levels.schema import CLASSES, IGNORED, SCHEMA
 from flockbrush.levels.terrain_kinds import TERRAINS
 from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS, TILE
-from flockbrush.levels.writer import Document, dump
 
 
 def _rows(tiles):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import posixpath
 from dataclasses import dataclass
 
-from flockbrush.engine import limits, pictures
+from flockbrush.engine import limits, picture_decoding
 from flockbrush.levels import geometry
-from flockbrush.levels.files import FileRefused
+from flockbrush.levels.checked_nodes import class_of, parsed, text, whole
 from flockbrush.levels.json_lines import Node
-from flockbrush.levels.nodes import class_of, parsed, text, whole
+from flockbrush.levels.level_files import FileRefused
 from flockbrush.levels.properties import FilePlace, Values, read_properties, shown
 from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.terrain_kinds import TerrainKind
@@ -44,7 +44,7 @@ class TilesetReader:
 
     Parameters
     ----------
-    files : files of `flockbrush.levels.files`
+    files : files of `flockbrush.levels.level_files`
         Where tilesets and their pictures lie.
     place : FilePlace
         The map.
@@ -98,7 +98,7 @@ class TilesetReader:
         """Count the tiles of a tileset's image in old files, which leave that out."""
         name = text(entry, "image", place)
         try:
-            size = pictures.picture_size(self.files.read(posixpath.join(folder, name)))
+            size = picture_decoding.picture_size(self.files.read(posixpath.join(folder, name)))
         except FileRefused as error:
             place.say(f"picture {name[:200]!r}: {error}")
             size = 1, 1

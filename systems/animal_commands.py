@@ -25,7 +25,7 @@ from flockbrush.systems.selection import (
     check_species,
     species_of,
 )
-from flockbrush.systems.undo import RemoveEntities, bring_back, goal_index, need, remove
+from flockbrush.systems.undo import TouchedAnimals, goal_index, need, remove
 
 MOST = int(limits.ANIMALS)  # as many as a level may have
 
@@ -148,8 +148,8 @@ class AddAnimals:
         need(self.radius > 0, f"radius must be above 0 m, got {self.radius:g}")
         need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
 
-    def inverse(self, world):
-        return [RemoveEntities(list(range(world.next_entity, world.next_entity + self.count)))]
+    def touches(self, world):
+        return [TouchedAnimals()]
 
     def apply(self, world):
         total = len(world.agents) + self.count
@@ -168,8 +168,8 @@ class RemoveAnimals(OfAnimals):
     radius: float
     species: str = ""
 
-    def inverse(self, world):
-        return bring_back(world, world.agents.ids[self.chosen(world)])
+    def touches(self, world):
+        return [TouchedAnimals(self.rows(world))]
 
     def apply(self, world):
         remove(world, world.agents.ids[self.chosen(world)])

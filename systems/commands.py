@@ -13,7 +13,7 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.obstacle_commands import AddObstacle, MoveObstacle, RemoveObstacle, StandObstacle, advance
 from flockbrush.systems.paint_commands import PaintBrush, PaintCap, PaintCells
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.undo import brush_now
+from flockbrush.systems.undo import TouchedBrushes
 
 __all__ = [
     "AddAnimals", "AddObstacle", "ApplyCommands", "Migrate", "MoveGoal", "MoveObstacle", "PaintBrush", "PaintCap",
@@ -54,8 +54,8 @@ class SetParameter:
         except ProblemsError as error:
             raise ValueError(str(error)) from None
 
-    def inverse(self, world):
-        return brush_now(world, self.brush)
+    def touches(self, world):
+        return [TouchedBrushes()]
 
     def apply(self, world):
         palette = world.resource(Palette)

@@ -27,7 +27,7 @@ from flockbrush.engine.maths import inner_kernel, sincos_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.contact_candidates import contacts_within
 from flockbrush.systems.grid import Cells
-from flockbrush.systems.ground_height import Heights, shorten_on_slopes
+from flockbrush.systems.ground_height import Hills, shorten_on_slopes
 from flockbrush.systems.sightline import step
 from numba import njit
 
@@ -61,8 +61,9 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=No
         How far across the seam of a wrapped map ``cells`` has copies, metres: who is faster than they allow is slowed.
     top : ndarray (n,), optional
         Metres per second that nobody exceeds, not even when others push.
-    hills : Heights, optional
-        The ground, where it is not level: there ``top`` is the speed along the ground, up or down.
+    hills : Hills, optional
+        The ground, where it is not level: there ``top`` is the speed along the ground, up or down, and nobody steps
+        onto ground that is too steep for it.
 
     Returns
     -------
@@ -94,6 +95,7 @@ def move_by_slot(cells, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=Non
     for _ in range(PUSHES):
         over_rows(_push, len(order), met, wished, far, pushed)
         wished, pushed = Poses(pushed, wished.heading), wished.step
+    hills = hills if hills is None else hills._replace(steepest=hills.steepest[cells.row])
     within = None if top is None else Within(top[cells.row] * dt, cells, hills)
     if within is not None:
         within.shorten(order, wished.step)
@@ -120,7 +122,7 @@ class Within(NamedTuple):
 
     most: np.ndarray  # (slots,) m
     cells: Cells
-    hills: Heights | None
+    hills: Hills | None  # by slot
 
     def shorten(self, order, step, slack=1.0):
         """(slots,) bool, whose steps (slots, 2) were too long; they are cut in place."""

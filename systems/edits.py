@@ -7,7 +7,6 @@ file, and a command with the id of something that is there puts the new one in i
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from operator import attrgetter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,11 +17,11 @@ from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.animal_commands import MOST
 from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.level_lists import KINDS, ThingKind, TouchedThings, lists_of
 from flockbrush.systems.life import Nursery, bear
 from flockbrush.systems.obstacle_commands import (
     AddObstacle,
     RemoveObstacle,
-    again,
     around,
     box_of,
     by_id,
@@ -32,7 +31,7 @@ from flockbrush.systems.obstacle_commands import (
 from flockbrush.systems.paint_commands import FAR, LAYERS, Paint, PaintCells, fill, off_the_map, pick, region
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs
-from flockbrush.systems.undo import RemoveEntities, UseBrush, columns_now, goal_index, need
+from flockbrush.systems.undo import TouchedAnimals, TouchedColumns, UseBrush, goal_index, need
 
 __all__ = [
     "KINDS", "LAYERS", "AddObstacle", "DrawGuide", "MarkSpawn", "MoveGoal", "Paint", "PaintCells", "PlaceExit",
@@ -41,10 +40,10 @@ __all__ = [
 
 
 class OfThing:
-    """A command for the thing of this ``kind`` with its id, undone by putting that back to how it is now."""
+    """A command for the thing of this ``kind`` with its id."""
 
-    def inverse(self, world):
-        return inverse_of(world, self.kind, self.id)
+    def touches(self, world):
+        return [TouchedThings(self.kind)]
 
 
 @dataclass(frozen=True)
@@ -198,18 +197,16 @@ class MoveGoal:
     def ground_box(self, world):
         return "all"
 
-    def inverse(self, world):
-        land = world.resource(Landscape)
-        there = goal_index(land, self.goal)
-        return [_place_goal(world, land.goals[there], there)]
+    def touches(self, world):
+        return [TouchedThings("goal")]
 
     def apply(self, world):
         land = world.resource(Landscape)
-        goal = land.goals[goal_index(land, self.goal)]
+        there = goal_index(land, self.goal)
+        goal = land.goals[there]
         shift = np.array([self.x, self.y]) - goal.xy
-        goal.xy = goal.xy + shift
-        if goal.polygon is not None:
-            goal.polygon = goal.polygon + shift
+        polygon = None if goal.polygon is None else goal.polygon + shift
+        land.goals[there] = replace(goal, xy=goal.xy + shift, polygon=polygon)
         land.navigate()
 
 
@@ -283,10 +280,8 @@ class MarkSpawn(OfThing):
         there = nursery.find(self.id)
         return self.born if self.born >= 0 else 0 if there is None else nursery.born[there]
 
-    def inverse(self, world):
-        nursery = world.resource(Nursery)
-        newborn = list(range(world.next_entity, world.next_entity + self.due(nursery)))
-        return [*([RemoveEntities(newborn)] if newborn else []), *super().inverse(world)]
+    def touches(self, world):
+        return [TouchedAnimals(), *super().touches(world)]
 
     def apply(self, world):
         nursery = world.resource(Nursery)
@@ -320,6 +315,7 @@ class RemoveThing(OfThing):
 
     kind: str
     id: int
+    name: str = ""  # of one whose id is 0, which is in no level file
 
     def check(self, world):
         need(self.kind in KINDS, f"there is no {self.kind!r} to remove{did_you_mean(self.kind, list(KINDS))}")
@@ -335,7 +331,9 @@ class RemoveThing(OfThing):
 
     def there(self, world):
         """Index of the thing, or None."""
-        return next((k for k, thing in enumerate(_things(world, self.kind, self.id)) if thing.id == self.id), None)
+        things = _things(world, self.kind, self.id)
+        same = (thing.id == self.id and self.name in ("", thing.name) for thing in things)
+        return next((k for k, mine in enumerate(same) if mine), None)
 
     def ground_box(self, world):
         if self.kind not in ("obstacle", "exit", "spawn"):
@@ -343,13 +341,12 @@ class RemoveThing(OfThing):
         there = self.there(world)
         return None if there is None else box_of(_things(world, self.kind, self.id)[there].polygon)
 
-    def inverse(self, world):
-        back = super().inverse(world)
+    def touches(self, world):
         if self.kind != "goal":
-            return back
-        bound, there = world.agents[Destination.goal], self.there(world)
-        alone = len(world.resource(Landscape).goals) == 1
-        return [*back, *columns_now(world, np.flatnonzero((bound == there) | alone), [Destination.goal])]
+            return super().touches(world)
+        rows, alone = np.arange(len(world.agents)), len(world.resource(Landscape).goals) == 1
+        # the first goal of a world binds everybody, so that those who were free have to be set free again
+        return [*super().touches(world), TouchedColumns(rows, (Destination.goal,), later=alone)]
 
     def apply(self, world):
         land, nursery, there = world.resource(Landscape), world.resource(Nursery), self.there(world)
@@ -373,54 +370,45 @@ class RemoveThing(OfThing):
 
 def _things(world, kind, number):
     """The list of the things of a kind that the world keeps, with the one of this id if there is one."""
-    owner = world.resource(Nursery if kind == "spawn" else Landscape)
-    if kind == "obstacle" and any(b.id == number for b in owner.overhead):
-        return owner.overhead
-    return attrgetter(KINDS[kind][0])(owner)
-
-
-def inverse_of(world, kind, number):
-    """The command, in a list, that puts the thing with this id back to how it is now, or away if it is not."""
-    things = _things(world, kind, number)
-    there = next((k for k, thing in enumerate(things) if thing.id == number), None)
-    return [RemoveThing(kind, number) if there is None else KINDS[kind][1](world, things[there], there)]
+    lists = lists_of(world, kind)
+    return next((things for things in lists if any(thing.id == number for thing in things)), lists[0])
 
 
 def as_command(world, kind, number):
     """The command that puts the thing with this id where and how it is now; a spawn counts its births on."""
-    (command,) = inverse_of(world, kind, number)
-    return replace(command, born=-1) if kind == "spawn" else command
+    things = _things(world, kind, number)
+    there = next((k for k, thing in enumerate(things) if thing.id == number), None)
+    return RemoveThing(kind, number) if there is None else KINDS[kind].put(things[there], there)
 
 
-def _draw_obstacle(world, b, at):
-    return again(b, at)
+def away_by_id(kind):
+    """How a thing of a kind is taken away."""
+    return lambda thing, at, n: RemoveThing(kind, thing.id, "" if thing.id else thing.name)
 
 
-def _draw_guide(world, g, at):
+def _draw_guide(g, at):
     return DrawGuide(g.id, g.name, g.points.tolist(), **told(g, Guide), at=at)
 
 
-def _place_goal(world, g, at):
+def _place_goal(g, at):
     points = None if g.polygon is None else g.polygon.tolist()
     return PlaceGoal(g.id, g.name, *g.xy.tolist(), **told(g, Goal), points=points, at=at)
 
 
-def _place_exit(world, e, at):
+def _place_exit(e, at):
     return PlaceExit(e.id, e.name, e.polygon.tolist(), at)
 
 
-def _mark_spawn(world, s, at):
-    born = world.resource(Nursery).born[at]
+def _mark_spawn(s, at):
     told = {name: value for name, value in vars(s).items() if name != "polygon"}
-    return MarkSpawn(**told, points=s.polygon.tolist(), born=born, at=at)
+    return MarkSpawn(**told, points=s.polygon.tolist(), at=at)
 
 
-KINDS = {
-    "obstacle": ("barriers", _draw_obstacle),
-    "guide": ("guides", _draw_guide),
-    "goal": ("goals", _place_goal),
-    "exit": ("exits", _place_exit),
-    "spawn": ("spawns", _mark_spawn),
+KINDS |= {
+    "guide": ThingKind(("guides",), _draw_guide, away_by_id("guide")),
+    "goal": ThingKind(("goals",), _place_goal, away_by_id("goal")),
+    "exit": ThingKind(("exits",), _place_exit, away_by_id("exit")),
+    "spawn": ThingKind(("spawns",), _mark_spawn, away_by_id("spawn")),
 }
 
 

@@ -13,6 +13,7 @@ from flockbrush.behaviours.drive import TAKES_UP
 from flockbrush.components import (
     Body,
     BrushBinding,
+    Ground,
     Heading,
     Position,
     ReferenceBird,
@@ -182,7 +183,7 @@ def _explained(small, entity):
         view_range=float(agents[Vision.range][row]),
         field_of_view=float(agents[Vision.field_of_view][row]),
         obstacles=walls.offset[walls.first[row] : walls.first[row + 1]].copy(),
-        numbers=_numbers(agents, row),
+        numbers=_numbers(small, row),
     )
 
 
@@ -253,11 +254,17 @@ def _blended(palette, scene, row, brush, previous, blend):
     return mixed
 
 
-def _numbers(agents, row):
+def _numbers(small, row):
     """What a designer asks for beside the picture: {name: (value, unit)}."""
+    agents, hills = small.agents, {}
+    if small.resource(Landscape).hilly:
+        rise = float(agents[Ground.slope][row] @ agents[Heading.forward][row, :2])
+        steepest = float(small.resource(SpeciesList).table.steepest[agents[Species.index][row]])
+        hills = {"slope ahead": (rise, "m/m"), "steepest slope it walks": (steepest, "m/m")}
     return {
         "speed": (float(np.hypot(*agents[Velocity.xyz][row, :2])), "m/s"),
         "speed wanted": (float(agents[Speed.target][row]), "m/s"),
         "body length": (float(agents[Body.length][row]), "m"),
         "blend": (float(agents[BrushBinding.blend][row]), ""),
+        **hills,
     }

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.species import SpeciesLibrary, SpeciesSpec, shipped_species
+from flockbrush.behaviours.species import SpeciesLibrary, SpeciesSpec, WalkSpec, shipped_species
 
 NOTHING, FEAR, HUNT, FOLLOW = range(4)  # of `Relations.verb`: what one notices others for
 NOTICED = {"fear": FEAR, "hunt": HUNT, "follow": FOLLOW}
@@ -15,6 +15,7 @@ LENGTHS = 20.0  # body lengths of the larger one: at so much an unknown danger i
 PLANE, AIR, WATER = range(3)  # media, in the order of `flockbrush.behaviours.species.MEDIA`
 NO_LIMIT = 1e6  # m/s, m/s², rad/s of a species that nobody has described
 SOLITARY = -1  # of `SpeciesTable.kin`
+STEEPEST = WalkSpec().steepest  # slope on which a species walks that nobody has described
 
 
 class SpeciesTable(NamedTuple):
@@ -27,6 +28,7 @@ class SpeciesTable(NamedTuple):
     flee: np.ndarray  # (s, 3) m/s in full fear
     acceleration: np.ndarray  # (s, 3) m/s²
     turn: np.ndarray  # (s, 3) rad/s
+    steepest: np.ndarray  # (s,) rise per metre of the steepest ground that it walks on
     slowest: np.ndarray  # (s,) m/s in the air
     climb: np.ndarray  # (s,) m/s
     sink: np.ndarray  # (s,) m/s
@@ -113,6 +115,7 @@ def species_table(names, assets) -> SpeciesTable:
         flee=by_medium("flee"),
         acceleration=by_medium("acceleration"),
         turn=by_medium("turn"),
+        steepest=column(lambda a: a.walk.steepest, STEEPEST),
         slowest=column(lambda a: a.fly.slowest, 0.0),
         climb=column(lambda a: a.fly.climb, 2.0),
         sink=column(lambda a: a.fly.sink, 3.0),

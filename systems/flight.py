@@ -30,7 +30,7 @@ from flockbrush.components import Airborne, Body, Heading, Position, Velocity
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
 from flockbrush.engine.maths import atan2_, inner_kernel, kernel_function, sincos_
 from flockbrush.engine.solid_queries import out_of_, slide_
-from flockbrush.systems.ground_height import below, height_of_ground
+from flockbrush.systems.ground_height import below, height_of_ground, round_steep_ground
 from flockbrush.systems.sightline import step
 from numba import njit
 
@@ -140,10 +140,11 @@ def limited_turn(fx, fy, fz, gx, gy, gz, limit):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def fly(lo, hi, order, dt, flyers, limits, wanted, solids, heights):
+def fly(lo, hi, order, dt, flyers, limits, wanted, solids, hills):
     """One tick of flight for the rows of ``order[lo:hi]``: writes position, velocity, heading and up."""
     xyz, velocity, forward, up, _, radius = flyers
     flight, brush, turn, climb, _, cap = limits
+    heights = hills.heights
     relief, cell, (width, depth) = heights
     for o in range(lo, hi):
         i = order[o]
@@ -164,6 +165,9 @@ def fly(lo, hi, order, dt, flyers, limits, wanted, solids, heights):
             _, px, py, pz = out_of_(solids, x, y, z, w + CLEAR)
             touched, px, py, pz = slide_(solids, px, py, pz, nx * dt, ny * dt, nz * dt, w + CLEAR)
             touched |= (px != x + nx * dt) | (py != y + ny * dt) | (pz != z + nz * dt)
+        if held:
+            px, py = _on_its_ground(hills, i, x, y, px, py, fx, fy, w, solids)
+            touched |= (px != x + nx * dt) | (py != y + ny * dt)
         low = height_of_ground(relief, cell, px, py) + w
         if held:
             touched |= pz != low - w
@@ -236,6 +240,20 @@ def _steered(i, dt, flyers, limits, wanted):
         speed = min(max(speed, least if settled else 0.0), fastest, cap)
         nx, ny, nz = speed * gx, speed * gy, speed * gz
     return (nx, ny, min(nz, climb)), (gx, gy, gz)
+
+
+@inner_kernel
+def _on_its_ground(hills, i, x, y, px, py, fx, fy, w, solids):
+    """Where a step to (px, py) of a body of radius w held to the ground ends: beside what is too steep."""
+    sx, sy = round_steep_ground(hills, i, x, y, px - x, py - y, fx, fy)
+    if sx == px - x and sy == py - y:
+        return px, py
+    z = height_of_ground(hills.heights.relief, hills.heights.cell, x + sx, y + sy)
+    if len(solids.kind):
+        _, qx, qy, _ = out_of_(solids, x + sx, y + sy, z, w + CLEAR)
+        if qx != x + sx or qy != y + sy:
+            return x, y
+    return x + sx, y + sy
 
 
 @inner_kernel

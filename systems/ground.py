@@ -62,8 +62,9 @@ class Underfoot(System):
         xyz, slope = agents[Position.xyz], agents[Ground.slope]
         footing = Footing(agents[Ground.factor], agents[Ground.cap], painted, slope, up)
         over_rows(underfoot, n, xyz, land.cell, land.surface, land.brush, land.heights, footing)
-        nav = land.navigation
-        over_rows(follow, n, xyz, agents[Destination.goal], nav.cell, nav.fields, agents[Ground.guidance])
+        steepest = world.resource(SpeciesList).table.steepest
+        ways = land.ways_for(steepest, agents[Species.index], agents[Destination.goal])
+        over_rows(follow, n, xyz, ways, land.navigation.cell, land.navigation.fields, agents[Ground.guidance])
         steer_leaders(agents)
         hold_back(agents, palette)
         b = BrushBinding

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from flockbrush.engine.maths import sincos_
 from numba import njit
 
 
@@ -14,6 +15,17 @@ class Heights(NamedTuple):
     relief: np.ndarray  # (my, mx, 3), as from `flockbrush.systems.terrain.relief_of`
     cell: float  # m
     wrap: tuple[float, float]  # m, width and height of a periodic map, else zeros
+
+
+class Hills(NamedTuple):
+    """Ground that is not level, and who walks how steep ground."""
+
+    heights: Heights
+    steepness: np.ndarray  # (my + 1, mx + 1) slopes, as from `flockbrush.systems.terrain.steepness_of`
+    steepest: np.ndarray  # (n,) slope of the steepest ground that each animal walks on
+
+
+TURNS, TURN = 24, np.pi / 24  # of a wish, to either side, in search of a way that is not too steep
 
 
 @njit(cache=True, nogil=True)
@@ -60,13 +72,70 @@ def share_within(heights, x, y, dx, dy, most):
 
 
 @njit(cache=True, nogil=True)
-def shorten_on_slopes(order, x, y, step, most, heights, cut):
-    """Cut, in place, steps (m, 2) of ``order`` that lead up or down farther than ``most`` (m,) in space; note whose."""
+def steepness_at(hills, x, y):
+    """Slope of the ground at (x, y) m."""
+    cell, wrap = hills.heights.cell, hills.heights.wrap
+    if wrap[0] > 0.0:
+        x, y = x - wrap[0] * np.floor(x / wrap[0]), y - wrap[1] * np.floor(y / wrap[1])
+    ny, nx = hills.steepness.shape
+    ix, iy = min(max(x / cell + 0.5, 0.0), nx - 1.0), min(max(y / cell + 0.5, 0.0), ny - 1.0)
+    return hills.steepness[int(iy), int(ix)]
+
+
+@njit(cache=True, nogil=True)
+def is_too_steep(hills, x, y, dx, dy, steepest):
+    """Whether a step (dx, dy) leads onto steeper ground.  From such ground it may lead on, but not upwards."""
+    if steepness_at(hills, x + dx, y + dy) <= steepest:
+        return False
+    relief, cell, wrap = hills.heights
+    px, py = x + dx, y + dy
+    if wrap[0] > 0.0:
+        px, py = px - wrap[0] * np.floor(px / wrap[0]), py - wrap[1] * np.floor(py / wrap[1])
+    up = height_of_ground(relief, cell, px, py) > height_of_ground(relief, cell, x, y)
+    return up or steepness_at(hills, x, y) <= steepest
+
+
+@njit(cache=True, nogil=True)
+def shorten_on_slopes(order, x, y, step, most, hills, cut):
+    """Cut, in place, steps (m, 2) of ``order`` that are longer than ``most`` (m,) in space or too steep; note whose."""
     for s in order:
-        share = share_within(heights, x[s], y[s], step[s, 0], step[s, 1], most[s])
+        dx, dy = step[s, 0], step[s, 1]
+        share = 0.0
+        if not is_too_steep(hills, x[s], y[s], dx, dy, hills.steepest[s]):
+            share = share_within(hills.heights, x[s], y[s], dx, dy, most[s])
         cut[s] = share < 1.0
         if cut[s]:
             step[s, 0], step[s, 1] = share * step[s, 0], share * step[s, 1]
+
+
+@njit(cache=True, nogil=True)
+def round_steep_ground(hills, i, x, y, dx, dy, fx, fy):
+    """(dx, dy), or where it leads row i onto too steep ground, the nearest step as long that does not, else none.
+
+    Of two that are as near, the one on the side to which the animal faces, (fx, fy).
+    """
+    steepest = hills.steepest[i]
+    if not is_too_steep(hills, x, y, dx, dy, steepest):
+        return dx, dy
+    side = 1.0 if dx * fy - dy * fx >= 0.0 else -1.0
+    for k in range(2, 2 * TURNS + 2):
+        sine, cosine = sincos_((side if k % 2 == 0 else -side) * TURN * (k // 2))
+        ex, ey = cosine * dx - sine * dy, sine * dx + cosine * dy
+        if not is_too_steep(hills, x, y, ex, ey, steepest):
+            return ex, ey
+    return 0.0, 0.0
+
+
+@njit(cache=True, nogil=True)
+def turn_from_steep_ground(lo, hi, xyz, forward, wish, ahead, hills, turned):
+    """Write wishes (n, 3), turned where they lead onto too steep ground, ``ahead`` (n,) m away."""
+    for i in range(lo, hi):
+        far = ahead[i]
+        turned[i, 0], turned[i, 1], turned[i, 2] = wish[i, 0], wish[i, 1], wish[i, 2]
+        dx, dy = far * wish[i, 0], far * wish[i, 1]
+        ex, ey = round_steep_ground(hills, i, xyz[i, 0], xyz[i, 1], dx, dy, forward[i, 0], forward[i, 1])
+        if (ex != dx or ey != dy) and (ex != 0.0 or ey != 0.0):
+            turned[i, 0], turned[i, 1] = ex / far, ey / far
 
 
 @njit(cache=True, nogil=True)

@@ -16,7 +16,6 @@ from flockbrush.systems.fast_marching import replace_first_, rimmed_, rise_
 from flockbrush.systems.terrain import slope_factor_
 from numba import njit
 
-STEEPEST = 2.0  # rise per metre of way: steeper ground is no way.  Whoever is sent up there goes at 1/1000 of its speed
 PARTS = 8  # pieces between two neighbours at whose ends ways are tried: ways bend by 6 degrees
 
 
@@ -73,7 +72,7 @@ def march_on_hills_(seeds, slowness, height, cell):
     return known.reshape(ny + 2, wide)[1:-1, 1:-1].copy(), ways
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")  # the steepest cliffs cost infinitely much
 def cheapest_(known, slow, up, wide, c, dx, dy, cell):
     """Least cost of a cell (of rimmed grids) by way of its neighbour at (dx, dy), or between that and those beside it.
 
@@ -105,8 +104,7 @@ def cheapest_(known, slow, up, wide, c, dx, dy, cell):
             if part > 0:
                 there, rise = there + b * known[corner], rise + b * up[corner]
             rise /= far * cell
-            if abs(rise) <= STEEPEST:
-                new = there + far * slow[c] / slope_factor_(rise)
-                if new < best:
-                    best, bx, by = new, (ax + b * (ox - ax)) / far, (ay + b * (oy - ay)) / far
+            new = there + far * slow[c] / slope_factor_(rise)
+            if new < best:
+                best, bx, by = new, (ax + b * (ox - ax)) / far, (ay + b * (oy - ay)) / far
     return best, bx, by

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,12 +12,13 @@ from flockbrush.components.level_things import ENUMS, Exit, Goal, Guide, Obstacl
 from flockbrush.engine.raster import bilinear_
 from flockbrush.engine.solids import Solids
 from flockbrush.systems.binding import Sheets
+from flockbrush.systems.fauna import STEEPEST
 from flockbrush.systems.ground_edges import across_seam, outline_edges
-from flockbrush.systems.ground_height import Heights, heights_of_ground
+from flockbrush.systems.ground_height import Heights, Hills, heights_of_ground
 from flockbrush.systems.marks import BRUSHES_OWN, Above, MapMarks
 from flockbrush.systems.navigation import Navigation, navigation_of
 from flockbrush.systems.sky_solids import solids_in_the_air
-from flockbrush.systems.terrain import NO_BRUSH, compose_blocked, relief_of
+from flockbrush.systems.terrain import NO_BRUSH, compose_blocked, relief_of, steepest_within, steepness_of
 from flockbrush.systems.visibility import Edges, edges_by_cell, no_edges
 
 OF_BARE = {"walkable": True, "blocks_view": False, "cost": 1.0, "speed_factor": 1.0}  # what nothing painted means
@@ -103,6 +105,8 @@ class Landscape:
     sheets: Sheets = field(default_factory=Sheets)  # zones and layers by whom they bind
     stale: int | None = None  # the tick of the last change that the navigation field does not know yet
     _known: tuple | None = None  # what the navigation field was made of
+    slope_limits: tuple = (STEEPEST,)  # rise per metre; the navigation field is for animals with these, on hills
+    _limits_of: tuple = (None, None)  # the limits of all species, and which of `slope_limits` each has
     overhead: list[Obstacle] = field(default_factory=list)  # what begins above the ground
     glides: list[Glide] = field(default_factory=list)  # what is on its way to another place
     _sky: tuple[Solids, Solids] | None = None
@@ -167,6 +171,20 @@ class Landscape:
     def heights(self):
         """`Heights` of the ground, for kernels."""
         return Heights(self.relief, self.relief_cell, self.wrap or (0.0, 0.0))
+
+    @functools.cached_property
+    def steepness(self):
+        """Slope of the ground, as from `flockbrush.systems.terrain.steepness_of`."""
+        return steepness_of(self.relief[..., 0], self.relief_cell)
+
+    def hills_for(self, steepest):
+        """`Hills` for animals that walk up to these slopes (n,)."""
+        return Hills(self.heights, self.steepness, steepest)
+
+    @functools.cached_property
+    def hilly(self):
+        """Whether the ground is not level."""
+        return bool(self.relief[..., 1:].any())
 
     def ground(self, xy):
         """Height of the ground at one place, m."""
@@ -299,14 +317,37 @@ class Landscape:
         self.navigation = self._navigation(self.guides, self.goals, self.blocked, self.cost)
         self._known, self.stale, self._head = self._inputs(), None, None
 
+    def ways_for(self, steepest, species, goal):
+        """(n,) which fields animals of these species follow that are bound to these goals, as `Navigation.at` counts.
+
+        The fields are made anew when a species with another slope limit comes, of ``steepest`` (s,).
+        """
+        if not self.hilly:
+            return goal
+        if self._limits_of[0] is not steepest:
+            limits, which = np.unique(steepest, return_inverse=True)
+            if len(limits) and tuple(limits.tolist()) != self.slope_limits:
+                self.slope_limits = tuple(limits.tolist())
+                if self._known is not None:
+                    self._navigate_as_known(self._known)
+            self._limits_of = steepest, which.astype(np.int32)
+        if len(self.slope_limits) == 1:
+            return goal
+        return goal + self._limits_of[1][species] * np.int32(len(self.navigation.fields) // len(self.slope_limits))
+
     def _navigation(self, guides, goals, blocked, cost):
         height = None
-        if self.relief[..., 1:].any():
+        if self.hilly:
             ny, nx = blocked.shape
             x, y = np.meshgrid((np.arange(nx) + 0.5) * self.cell, (np.arange(ny) + 0.5) * self.cell)
             height = heights_of_ground(self.relief, self.relief_cell, np.stack([x.ravel(), y.ravel()], 1))
             height = height.reshape(blocked.shape)
-        return navigation_of(guides, goals, blocked, cost, self.cell, height=height)
+            steep = steepest_within(self.steepness, self.relief_cell, blocked.shape, self.cell)
+        closed = [blocked] if height is None else [blocked | (steep > limit) for limit in self.slope_limits]
+        made = [navigation_of(guides, goals, where, cost, self.cell, height=height) for where in closed]
+        return made[0] if len(made) == 1 else Navigation(self.cell, *(np.concatenate(part) for part in zip(
+            *((one.fields, one.times) for one in made), strict=True
+        )))  # fmt: skip
 
     def _inputs(self):
         """What the navigation field is made of: (barriers, guides and goals as JSON, painted ground)."""

@@ -9,8 +9,9 @@ from flockbrush.components.level_things import ZONE
 from flockbrush.engine.commands import COMMANDS, command, from_record
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import MEDIA
-from flockbrush.systems.edits import KINDS, OfOutline, OfThing, check_id, check_on_map, put_thing
+from flockbrush.systems.edits import OfOutline, OfThing, away_by_id, check_id, check_on_map, put_thing
 from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.level_lists import KINDS, ThingKind
 from flockbrush.systems.marks import NO_LIMIT, Area, Key, Line, Zone
 from flockbrush.systems.obstacle_commands import line_of, polygon_of
 from flockbrush.systems.paint_commands import off_the_map
@@ -173,27 +174,27 @@ def _check_free(land, mine):
     need(mine.name not in others, f"there is a line or an area {mine.name!r} already")
 
 
-def _draw_zone(world, zone, at):
+def _draw_zone(zone, at):
     return DrawZone(zone.id, zone.name, zone.polygon.tolist(), **zone.told(), at=at)
 
 
-def _draw_line(world, line, at):
+def _draw_line(line, at):
     return DrawLine(line.id, line.name, line.points.tolist(), at)
 
 
-def _draw_area(world, area, at):
+def _draw_area(area, at):
     return DrawArea(area.id, area.name, area.polygon.tolist(), at)
 
 
-def _place_key(world, key, at):
+def _place_key(key, at):
     place = dict(zip("xy", key.xy.tolist(), strict=True))
     args = {name: value for name, value in key.args.items() if name not in place or value != place[name]}
     return PlaceKey(key.id, key.name, float(key.at), key.command, args, *place.values(), at)
 
 
 KINDS |= {
-    "zone": ("marks.zones", _draw_zone),
-    "line": ("marks.lines", _draw_line),
-    "area": ("marks.areas", _draw_area),
-    "key": ("marks.keys", _place_key),
+    "zone": ThingKind(("marks.zones",), _draw_zone, away_by_id("zone")),
+    "line": ThingKind(("marks.lines",), _draw_line, away_by_id("line")),
+    "area": ThingKind(("marks.areas",), _draw_area, away_by_id("area")),
+    "key": ThingKind(("marks.keys",), _place_key, away_by_id("key")),
 }

@@ -25,7 +25,7 @@ from flockbrush.systems.contact import move_by_slot
 from flockbrush.systems.fauna import SpeciesList, by_medium
 from flockbrush.systems.flight import FlightLimits, WantedFlight, fly, flyers_of
 from flockbrush.systems.foresight import in_the_way
-from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.ground_height import height_of_ground, turn_from_steep_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near
@@ -75,6 +75,12 @@ def _limits(agents, palette, table, aloft):
     return by_medium(table, agents[Species.index], aloft, table.speed, table.turn)
 
 
+def _hills(world):
+    """`Hills` for the animals of a world."""
+    steepest = world.resource(SpeciesList).table.steepest
+    return world.resource(Landscape).hills_for(steepest[world.agents[Species.index]])
+
+
 def _walk(world, rows, max_turn, top):
     agents, land, near = world.agents, world.resource(Landscape), world.resource(Near)
     dt = world.resource(Clock).dt
@@ -82,8 +88,12 @@ def _walk(world, rows, max_turn, top):
     reach = float(body[rows].max() + radius[rows].max() + 4.0 * dt * speed[rows].max())
     if near.aloft is not None:
         speed = np.where(near.aloft, 0.0, speed)
-    hills, cells, walls = land.heights if land.relief.size > 3 else None, near.cells, land.walls_within(reach)
-    order, going = move_by_slot(cells, agents[Wish.direction], speed, max_turn, walls, dt, near.ghosts, top, hills)
+    wish, cells, walls = agents[Wish.direction], near.cells, land.walls_within(reach)
+    hills = _hills(world) if land.hilly else None
+    if hills is not None:
+        facing, wished, wish = agents[Heading.forward], wish, np.empty_like(wish)
+        over_rows(turn_from_steep_ground, len(wish), agents[Position.xyz], facing, wished, speed * dt, hills, wish)
+    order, going = move_by_slot(cells, wish, speed, max_turn, walls, dt, near.ghosts, top, hills)
     bodies = agents[Position.xyz], agents[Velocity.xyz], agents[Heading.forward]
     over_rows(_go, len(order), order, cells.row, going, dt, land.heights, *bodies)
 
@@ -102,7 +112,7 @@ def _fly(world, near, max_turn, top):
         agents[Transit.kind],
     )  # fmt: skip
     dt, flyers = world.resource(Clock).dt, flyers_of(agents)
-    over_rows(fly, len(order), order, dt, flyers, limits, wanted, solids, land.heights)
+    over_rows(fly, len(order), order, dt, flyers, limits, wanted, solids, _hills(world))
     _level_at_landing(agents, order)
 
 

@@ -50,10 +50,11 @@ class Navigation:
     """The navigation fields of a level."""
 
     cell: float  # size of a grid cell, m
-    # (1 + goals, ny, nx, 2); direction to go, its length at most 1 and saying how strongly. ``fields[0]`` is for
-    # animals without a goal, guides alone; ``fields[1 + k]`` is for those bound to goal ``k``.
+    # (limits * (1 + goals), ny, nx, 2); direction to go, its length at most 1 and saying how strongly. ``fields[0]`` is
+    # for animals without a goal, guides alone; ``fields[1 + k]`` is for those bound to goal ``k``.  On hills the same
+    # follows for each of the other slope limits of animals.
     fields: np.ndarray
-    # (goals, ny, nx); least cost to the goal, metres of plain ground; infinite where no way leads there
+    # (limits * goals, ny, nx); least cost to the goal, metres of plain ground; infinite where no way leads there
     times: np.ndarray
 
     @property
@@ -69,7 +70,7 @@ class Navigation:
         xy : array_like, (n, 2)
             Metres.  Outside of the map the nearest point of the map counts.
         goal : int or array_like of int, (n,)
-            Which goal each animal is bound to; -1 for none.
+            Which goal each animal is bound to, -1 for none; ``1 + goals`` more for each slope limit before its own.
 
         Returns
         -------
@@ -77,8 +78,8 @@ class Navigation:
         """
         xy = np.ascontiguousarray(xy, np.float64).reshape(-1, 2)
         goal = np.ascontiguousarray(np.broadcast_to(np.asarray(goal, np.int32), len(xy)))
-        if len(goal) and not -1 <= goal.min() <= goal.max() < len(self.times):
-            raise ValueError(f"a goal is -1 to {len(self.times) - 1} here, got {goal.min()} to {goal.max()}")
+        if len(goal) and not -1 <= goal.min() <= goal.max() < len(self.fields) - 1:
+            raise ValueError(f"a goal is -1 to {len(self.fields) - 2} here, got {goal.min()} to {goal.max()}")
         out = np.empty((len(xy), 2))
         over_rows(follow, len(xy), xy, goal, self.cell, self.fields, out)
         return out

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from flockbrush.components import Body, Heading, Position
 from flockbrush.components.level_things import Obstacle
@@ -10,8 +12,10 @@ from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.solids import polyhedron
 from flockbrush.systems.landscape import SHAPES, Glide, Landscape
+from flockbrush.systems.level_lists import KINDS, ThingKind, TouchedThings
+from flockbrush.systems.room import make_room
 from flockbrush.systems.spawning import inside_polygon, touching
-from flockbrush.systems.undo import make_room, need
+from flockbrush.systems.undo import need
 
 CORNERS = 2_000  # of one obstacle, as many as a level may have
 MOST_CORNERS = 32  # of a hull
@@ -88,13 +92,8 @@ class AddObstacle:
         there = by_id(things, self.id)
         return mine if there is None else around(mine, box_of(things[there].polygon))
 
-    def inverse(self, world):
-        things = self._things(world.resource(Landscape))
-        there = by_id(things, self.id)
-        if there is not None:
-            return [again(things[there], there)]
-        at = self.at if 0 <= self.at < len(things) else len(things)
-        return [RemoveObstacle(self.name, self.id, at, things is world.resource(Landscape).overhead)]
+    def touches(self, world):
+        return [TouchedThings("obstacle")]
 
     def _things(self, land):
         """The list of obstacles that it belongs to."""
@@ -151,8 +150,7 @@ def by_id(things, number):
     return next((k for k, thing in enumerate(things) if thing.id == number), None) if number else None
 
 
-def again(b, at):
-    """The command that puts an obstacle down as it stands now, at this place in the order."""
+def _put(b, at):
     corners = None if b.corners is None else b.corners.tolist()
     stands = b.solid, b.blocks_view, b.id, b.margin, at, b.z_min, b.z_max, b.shape, corners
     return AddObstacle(b.name, b.polygon.tolist(), *stands)
@@ -185,8 +183,8 @@ class RemoveObstacle:
     def ground_box(self, world):
         return around(*(box_of(things[k].polygon) for things, k in self._pairs(world)))
 
-    def inverse(self, world):
-        return [again(things[k], k) for things, k in self._pairs(world)]
+    def touches(self, world):
+        return [TouchedThings("obstacle")]
 
     def _pairs(self, world):
         land = world.resource(Landscape)
@@ -200,6 +198,25 @@ class RemoveObstacle:
         land.overhead = [b for k, b in enumerate(land.overhead) if k not in above]
         land.rebuild(navigation=False)
         land.navigate_later(world.resource(Clock).tick)
+
+
+KINDS["obstacle"] = ThingKind(
+    ("barriers", "overhead"), _put, lambda b, at, n: RemoveObstacle(b.name, b.id, at, overhead=n == 1)
+)
+
+
+class TouchedStand(NamedTuple):
+    """Where the obstacles of a name stand, and on what ways they are."""
+
+    name: str
+
+    def taken(self, world):
+        land = world.resource(Landscape)
+        stand = [[b.polygon.tolist(), b.z_min, b.z_max] for b in land.find(self.name)]
+        return StandObstacle(self.name, stand, [[g.by.tolist(), g.left] for g in land.glides if g.name == self.name])
+
+    def back(self, world, taken):
+        return [] if self.taken(world) == taken else [taken]
 
 
 @command
@@ -221,11 +238,8 @@ class MoveObstacle:
         need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
         need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
 
-    def inverse(self, world):
-        self.check(world)
-        land = world.resource(Landscape)
-        stand = [[b.polygon.tolist(), b.z_min, b.z_max] for b in land.find(self.name)]
-        return [StandObstacle(self.name, stand, [[g.by.tolist(), g.left] for g in land.glides if g.name == self.name])]
+    def touches(self, world):
+        return [TouchedStand(self.name)]
 
     def ground_box(self, world):
         return "all"
@@ -264,8 +278,8 @@ class StandObstacle:
             told = [False]
         need(all(told), "stand must be a list of [points, z_min, z_max], glides a list of [[x, y, z], seconds]")
 
-    def inverse(self, world):
-        return MoveObstacle(self.name, 0.0, 0.0).inverse(world)
+    def touches(self, world):
+        return [TouchedStand(self.name)]
 
     def ground_box(self, world):
         return "all"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from flockbrush.components import Body, Heading, Position
 from flockbrush.components.level_things import FAR
@@ -11,10 +13,11 @@ from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.landscape import BARE, NATIVE, Landscape
 from flockbrush.systems.painting import blended, cells_of, check_runs, connected, runs_of, stroke_cells, taken
 from flockbrush.systems.palette import Palette
+from flockbrush.systems.room import cell_under, make_room, on_map
 from flockbrush.systems.selection import cells_within, check_brush, check_circle
 from flockbrush.systems.spawning import touching
 from flockbrush.systems.terrain import NO_BRUSH
-from flockbrush.systems.undo import cell_under, make_room, need, on_map
+from flockbrush.systems.undo import need
 
 LAYERS = ("brush", "cap", "surface")
 FASTEST = 1000.0  # m/s, as much as a level's cap may be
@@ -102,8 +105,29 @@ def in_walls(world):
     return inside | touching(xyz, agents[Heading.forward], half, thin, np.ascontiguousarray(land.solid.ends))
 
 
+class TouchedCells(NamedTuple):
+    """Cells of a painted layer."""
+
+    layer: str
+    iy: np.ndarray
+    ix: np.ndarray
+
+    def taken(self, world):
+        land = world.resource(Landscape)
+        now = painted(land, self.layer)
+        return land.ground_of(self.iy, self.ix) if self.layer == "surface" else now[self.iy, self.ix]
+
+    def back(self, world, taken):
+        changed = self.taken(world) != taken
+        if not changed.any():
+            return []
+        numbers, index = np.unique(taken[changed], return_inverse=True)
+        names = [value_of(world, self.layer, number) for number in numbers.tolist()]
+        return [PaintCells(self.layer, names, runs_of(self.iy[changed], self.ix[changed], index.ravel()))]
+
+
 class OnCells:
-    """A command that paints cells of a layer, undone by painting them as they are now."""
+    """A command that paints cells of a layer."""
 
     def where(self, world):
         """(iy, ix, ...) of the cells."""
@@ -112,8 +136,8 @@ class OnCells:
     def ground_box(self, world):
         return box_of_cells(world.resource(Landscape), *self.where(world)[:2])
 
-    def inverse(self, world):
-        return cells_now(world, self.layer, *self.where(world)[:2])
+    def touches(self, world):
+        return [TouchedCells(self.layer, *self.where(world)[:2])]
 
 
 @command
@@ -141,17 +165,6 @@ class PaintCells(OnCells):
         iy, ix, index = self.where(world)
         numbers = np.array([number_of(world, self.layer, value) for value in self.names] or [0])
         lay(world, self.layer, iy, ix, numbers[index])
-
-
-def cells_now(world, layer, iy, ix):
-    """The command that paints cells as they are now, in a list; none for no cells."""
-    if not len(iy):
-        return []
-    land = world.resource(Landscape)
-    now = land.ground_of(iy, ix) if layer == "surface" else painted(land, layer)[iy, ix]
-    numbers, index = np.unique(now, return_inverse=True)
-    names = [value_of(world, layer, number) for number in numbers.tolist()]
-    return [PaintCells(layer, names, runs_of(iy, ix, index.ravel()))]
 
 
 class OnDisc(OnCells):

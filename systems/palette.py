@@ -119,6 +119,16 @@ class Palette:
         """The brushes without those between two."""
         return [brush for brush in self.brushes if not (self.over and is_step(brush.name))]
 
+    @property
+    def mixed(self):
+        """Names of the brushes that `mix` has mixed with others."""
+        return list(self._brought[0])
+
+    @property
+    def path_files(self):
+        """Names of the files of measured paths that `mix` was given."""
+        return list(self._brought[1])
+
     def forget(self, name):
         """Drop the newest brush again; whoever has it would be lost, so nobody may."""
         newest = self.own[-1].name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from flockbrush.behaviours.program import known_brushes, load_program
@@ -15,9 +16,30 @@ from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs, enrol, put_in_state, replace_program
 from flockbrush.systems.selection import OfAnimals, check_circle
-from flockbrush.systems.undo import columns_now, need
+from flockbrush.systems.undo import TouchedColumns, need
 
 COLUMNS = tuple(ProgramState.fields.values())
+
+
+class TouchedEvents(NamedTuple):
+    """Events that were raised and that nobody has heard yet."""
+
+    @staticmethod
+    def taken(world):
+        return list(world.resource(Programs).events)
+
+    @staticmethod
+    def back(world, taken):
+        now = world.resource(Programs).events
+        return [
+            *(TakeBackEvent(*_event(event)) for event in now if event not in taken),
+            *(Event(*_event(event)) for event in taken if event not in now),
+        ]
+
+
+def _event(happening):
+    """The fields of the command for an event."""
+    return happening.name, *happening.xyz[:2], 0.0 if math.isinf(happening.reach) else happening.reach
 
 
 @command
@@ -35,8 +57,8 @@ class Event:
         need(known, f"no program of this world listens for an event, so {self.name!r} would change nothing")
         need(self.name in known, f"no program listens for the event {self.name!r}{did_you_mean(self.name, known)}")
 
-    def inverse(self, world):
-        return [TakeBackEvent(self.name, self.x, self.y, self.radius), *columns_now(world, in_programs(world), COLUMNS)]
+    def touches(self, world):
+        return [TouchedEvents(), TouchedColumns(in_programs(world), COLUMNS, later=True)]
 
     def happening(self):
         """The event as programs hear it."""
@@ -55,9 +77,8 @@ class TakeBackEvent:
     y: float = 0.0
     radius: float = 0.0  # m
 
-    def inverse(self, world):
-        mine = Event(self.name, self.x, self.y, self.radius)
-        return [mine] if mine.happening() in world.resource(Programs).events else []
+    def touches(self, world):
+        return [TouchedEvents()]
 
     def apply(self, world):
         mine = Event(self.name, self.x, self.y, self.radius).happening()
@@ -128,6 +149,30 @@ class GiveProgram(OfAnimals):
         enrol(world, world.agents.ids[self.rows(world)], self.program)
 
 
+class TouchedProgram(NamedTuple):
+    """A program of the world by its name, with the states of the animals that follow it."""
+
+    name: str
+
+    def taken(self, world):
+        programs = world.resource(Programs)
+        if self.name not in programs.names:
+            return None
+        number = programs.named(self.name)
+        states = TouchedColumns(np.flatnonzero(world.agents[ProgramState.program] == number), COLUMNS, later=True)
+        return programs.programs[number], programs.transitions[self.name].tolist(), states, states.taken(world)
+
+    def back(self, world, taken):
+        programs = world.resource(Programs)
+        there = self.name in programs.names
+        if taken is None:
+            return [ForgetProgram(self.name)] if there else []
+        program, counts, states, before = taken
+        if there and programs.programs[programs.named(self.name)] is program:
+            return []
+        return [UseProgram(self.name, program.source.decode(), counts), *states.back(world, before)]
+
+
 @command
 class UseProgram:
     """Bring a program into the world: its name, and the text of its file.  One of the same name is replaced."""
@@ -153,24 +198,13 @@ class UseProgram:
             need(fits, f"counts must be {size} rows of {size} whole numbers")
         return program
 
-    def inverse(self, world):
-        return program_now(world, self.name)
+    def touches(self, world):
+        return [TouchedProgram(self.name)]
 
     def apply(self, world):
         replace_program(world, self.program(world))
         if self.counts is not None:
             world.resource(Programs).transitions[self.name] = np.array(self.counts, np.int64)
-
-
-def program_now(world, name):
-    """Commands that have a program in the world as it is there now, with the states of its animals, or not."""
-    programs = world.resource(Programs)
-    if name not in programs.names:
-        return [ForgetProgram(name)]
-    number = programs.named(name)
-    source, matrix = programs.programs[number].source.decode(), programs.transitions[name]
-    rows = np.flatnonzero(world.agents[ProgramState.program] == number)
-    return [UseProgram(name, source, matrix.tolist()), *columns_now(world, rows, COLUMNS)]
 
 
 @command
@@ -179,8 +213,8 @@ class ForgetProgram:
 
     name: str
 
-    def inverse(self, world):
-        return program_now(world, self.name)
+    def touches(self, world):
+        return [TouchedProgram(self.name)]
 
     def apply(self, world):
         programs = world.resource(Programs)

@@ -61,7 +61,8 @@ DOUBT = np.float32(2e-6)  # cosines nearer than this to an edge are decided in f
 DENSE = 5.0  # looking in several steps is worth its cost where the range is longer than this
 FIRST_LOOK = 4.5  # how far a dense herd is looked into first,
 NEXT_LOOK = 1.4  # how many times as far at each further look,
-RING = 1.0  # width of a ring
+RING = 1.0  # width of a ring,
+DENSE_RING = 2.0  # and in a dense herd, whose rings have enough bodies to strike out many
 RINGS = 8  # at most, in one look
 
 _BEHIND = np.int32(-0x80000000)  # added to the slot of an animal outside the field of view
@@ -371,7 +372,9 @@ def _view_by_looks(i, reach, cosine, depth, widest, cells, desk):
             cones_of_capsules(i, n, cells, desk.near)
         else:
             cones_of_discs(n, dense, desk.near)
-        steps, at, plain = _add_rings(inner, outer, RING * depth, widest, n, at, plain, dense, desk)
+        steps, at, plain = _add_rings(
+            inner, outer, (DENSE_RING if dense else RING) * depth, widest, n, at, plain, dense, desk
+        )
         for m in range(0 if desk.rings[2] else 1, steps + 1):
             n, found = _look_through(i, m, n, found, widest > 0.0, cells, desk)
         if outer == reach:

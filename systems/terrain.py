@@ -272,6 +272,39 @@ def relief_of(height=None, cell=1.0):
     return relief
 
 
+def steepness_of(height, cell):
+    """Slope of the ground between the centres of every four cells.
+
+    Parameters
+    ----------
+    height : ndarray, (ny, nx)
+        Metres.
+    cell : float
+        Size of a cell, m.
+
+    Returns
+    -------
+    ndarray, (ny + 1, nx + 1)
+        The greatest rise per metre; ``[iy, ix]`` is north-east of the centre of cell ``(iy - 1, ix - 1)``.
+    """
+    padded = np.pad(height, 1, mode="edge")  # outside of the map the nearest cell counts
+    east, north = np.abs(np.diff(padded, axis=1)) / cell, np.abs(np.diff(padded, axis=0)) / cell
+    return np.hypot(np.maximum(east[1:], east[:-1]), np.maximum(north[:, 1:], north[:, :-1]))
+
+
+def steepest_within(steepness, relief_cell, shape, cell):
+    """(ny, nx) the greatest slope in every cell of another size; ``steepness`` as from `steepness_of`."""
+
+    def patches(count, among):
+        edges = np.arange(count + 1) * (cell / relief_cell) + 0.5
+        first = np.clip(np.floor(edges[:-1] + 1e-9).astype(int), 0, among - 1)
+        return first, np.clip(np.ceil(edges[1:] - 1e-9).astype(int), first + 1, among)
+
+    rows = np.array([steepness[lo:hi].max(axis=0) for lo, hi in zip(*patches(shape[0], len(steepness)), strict=True)])
+    columns = zip(*patches(shape[1], steepness.shape[1]), strict=True)
+    return np.array([rows[:, lo:hi].max(axis=1) for lo, hi in columns]).T
+
+
 # Polygons ------------------------------------------------------------------------------------------------------
 
 

@@ -1,10 +1,14 @@
-"""Commands that undo others: they remove, restore, rebind and change exactly the given animals."""
+"""Undo: the parts of a world that commands touch, and the commands that put back what has changed in them.
+
+A command names the parts that it touches.  A part is looked at just before the command is applied (`taken`) and just
+after (`back`): of what differs, all that the part declares is put back as it was, also what only later ticks change.
+"""
 
 from __future__ import annotations
 
 import base64
 import zlib
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from flockbrush.behaviours.brush import load_brush
@@ -13,10 +17,8 @@ from flockbrush.components import (
     Body,
     BrushBinding,
     Destination,
-    Heading,
     Leading,
     Migration,
-    Position,
     ProgramState,
     Species,
 )
@@ -26,13 +28,11 @@ from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.systems.binding import cannot
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.population import SpeciesList, bodies_of, ground_for, inset
+from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.programs import Programs
-from flockbrush.systems.spawning import Capsules, inside_polygon, nearest_free, overlaps_, touching
-from numba import njit
+from flockbrush.systems.room import make_place
 
-MOST_AT_ONCE = 10_000  # animals restored by one command, which must fit into one record
-PRESSED = 1e-6  # m that bodies may overlap by rounding
+MOST_AT_ONCE = 10_000  # animals that come back in one command, which must fit into one record
 
 
 def need(fine, message):
@@ -64,14 +64,89 @@ def rows_of(world, entities):
     return rows[ids[rows] == wanted] if len(ids) else rows[:0]
 
 
+class TouchedAnimals(NamedTuple):
+    """Which animals there are: newborn ones are taken away, and those in ``rows``, whom it removes, return."""
+
+    rows: np.ndarray = np.zeros(0, int)
+
+    def taken(self, world):
+        return world.next_entity, world.agents.ids.copy(), bring_back(world, world.agents.ids[self.rows])
+
+    def back(self, world, taken):
+        first, ids, again = taken
+        returned = np.setdiff1d(world.agents.ids, ids, assume_unique=True).tolist()
+        new = sorted({*returned, *range(first, world.next_entity)})
+        return [*([RemoveEntities(new)] if new else []), *again]
+
+
+class TouchedColumns(NamedTuple):
+    """Numbers of animals, those in ``rows``."""
+
+    rows: np.ndarray
+    fields: tuple
+    later: bool = False  # what the command changes shows only later: all are put back
+
+    def taken(self, world):
+        return world.agents.ids[self.rows], [_values(world, field)[self.rows] for field in self.fields]
+
+    def back(self, world, taken):
+        ids, before = taken
+        changed = np.full(len(ids), self.later)
+        for old, field in zip(before, self.fields, strict=True):
+            new = _values(world, field)[self.rows]
+            changed |= (old != new).any(axis=tuple(range(1, old.ndim)))
+        return columns_of(self.fields, ids[changed], [old[changed] for old in before])
+
+
+def _values(world, field):
+    """(n, ...) a column; of brushes of their own and of goals the names."""
+    if field is BrushBinding.home:
+        return np.array([*world.resource(Palette).names, ""])[world.agents[field]]
+    if field is Destination.goal:
+        return np.array([*(goal.name for goal in world.resource(Landscape).goals), ""])[world.agents[field]]
+    return world.agents[field]
+
+
+def columns_of(fields, ids, values):
+    """Commands that give these animals these values of fields: a brush or a goal, each alone, by its name."""
+    if fields in ((BrushBinding.home,), (Destination.goal,)):
+        give = GiveBrush if fields == (BrushBinding.home,) else Bind
+        return [give(name, ids[values[0] == name].tolist()) for name in np.unique(values[0]).tolist()]
+    parts = [slice(first, first + MOST_AT_ONCE) for first in range(0, len(ids), MOST_AT_ONCE)]
+    return [
+        PutColumns(ids[part].tolist(), {repr(f): _packed(v[part]) for f, v in zip(fields, values, strict=True)})
+        for part in parts
+    ]
+
+
+class TouchedBrushes(NamedTuple):
+    """The brushes of the world, and which of them are mixed."""
+
+    @staticmethod
+    def taken(world):
+        palette = world.resource(Palette)
+        return palette.own, palette.mixed, palette.path_files
+
+    @staticmethod
+    def back(world, taken):
+        palette, (own, mixed, files) = world.resource(Palette), taken
+        known, now = {brush.name: brush for brush in own}, {brush.name: brush for brush in palette.own}
+        new_files = [file for file in palette.path_files if file not in files]
+        return [
+            *(UnmixBrush(name, new_files) for name in palette.mixed if name not in mixed),
+            *(ForgetBrush(name) for name in reversed(now) if name not in known),
+            *(UseBrush(name, brush.source.decode()) for name, brush in known.items() if now.get(name) is not brush),
+        ]
+
+
 @command
 class RemoveEntities:
     """Remove exactly these animals; ids of dead animals are ignored."""
 
     entities: list
 
-    def inverse(self, world):
-        return bring_back(world, world.agents.ids[rows_of(world, self.entities)])
+    def touches(self, world):
+        return [TouchedAnimals(rows_of(world, self.entities))]
 
     def apply(self, world):
         remove(world, world.agents.ids[rows_of(world, self.entities)])
@@ -94,8 +169,8 @@ class BringBack:
     entities: list
     columns: dict  # of each component's field: its rows, packed
 
-    def inverse(self, world):
-        return [RemoveEntities(list(self.entities))]
+    def touches(self, world):
+        return [TouchedAnimals()]
 
     def apply(self, world):
         agents = world.agents
@@ -157,7 +232,7 @@ def _unpacked(field, columns, count):
 
 
 class OfThese:
-    """A command to exactly these animals; undo restores the columns in ``changes``."""
+    """A command to exactly these animals that changes the columns in ``changes``."""
 
     changes = tuple[Any, ...]()  # fields of components
 
@@ -165,8 +240,8 @@ class OfThese:
         """(k,) rows of the given animals that are alive."""
         return rows_of(world, self.entities)
 
-    def inverse(self, world):
-        return columns_now(world, self.rows(world), self.changes)
+    def touches(self, world):
+        return [TouchedColumns(self.rows(world), tuple(self.changes))]
 
 
 @command
@@ -241,25 +316,6 @@ _MAY_BE_PUT = (
 )  # fmt: skip
 
 
-def columns_now(world, rows, fields):
-    """Commands that restore the present values of these fields for the animals in these rows.
-
-    A brush or a goal, each alone in ``fields``, is restored by its name.
-    """
-    ids = world.agents.ids[rows]
-    named = next(iter(fields), None)
-    if named in (BrushBinding.home, Destination.goal):
-        brush, now = named is BrushBinding.home, world.agents[named][rows]
-        goals = [*(goal.name for goal in world.resource(Landscape).goals), ""]
-        give, names = (GiveBrush, world.resource(Palette).names) if brush else (Bind, goals)
-        return [give(names[k], ids[now == k].tolist()) for k in np.unique(now).tolist()]
-    parts = [slice(first, first + MOST_AT_ONCE) for first in range(0, len(rows), MOST_AT_ONCE)]
-    return [
-        PutColumns(ids[part].tolist(), {repr(f): _packed(world.agents[f][rows[part]]) for f in fields})
-        for part in parts
-    ]
-
-
 @command
 class UseBrush:
     """Add a brush to the world by its name and the text of its file; one of the same name is replaced."""
@@ -280,8 +336,8 @@ class UseBrush:
         except ProblemsError as error:
             raise ValueError(str(error)) from None
 
-    def inverse(self, world):
-        return brush_now(world, self.name)
+    def touches(self, world):
+        return [TouchedBrushes()]
 
     def apply(self, world):
         palette, land, length = world.resource(Palette), world.resource(Landscape), world.agents[Body.length]
@@ -290,21 +346,14 @@ class UseBrush:
             land.see_to(float(length.max() * palette.view_range.max()))
 
 
-def brush_now(world, name):
-    """The command, in a list, that restores the present entry of a brush in the palette, or its absence."""
-    palette = world.resource(Palette)
-    there = name in palette.index
-    return [UseBrush(name, palette.brushes[palette.named(name)].source.decode()) if there else ForgetBrush(name)]
-
-
 @command
 class ForgetBrush:
     """Remove the newest brush from the palette, unless it is still in use."""
 
     name: str
 
-    def inverse(self, world):
-        return brush_now(world, self.name)
+    def touches(self, world):
+        return [TouchedBrushes()]
 
     def apply(self, world):
         palette, land = world.resource(Palette), world.resource(Landscape)
@@ -335,9 +384,8 @@ class MixBrush:
                 raise ValueError(str(error)) from None
             need(self.name in (path.start, path.end), f"{file}: this path neither begins nor ends at {self.name!r}")
 
-    def inverse(self, world):
-        palette = world.resource(Palette)
-        return [] if self.name in palette.over else [UnmixBrush(self.name, list(self.paths))]
+    def touches(self, world):
+        return [TouchedBrushes()]
 
     def apply(self, world):
         world.resource(Palette).mix(self.name, self.paths)
@@ -358,93 +406,3 @@ class UnmixBrush:
         about = any(zone.brush == self.name and zone.bounds.blend == "mix" for zone in zones)
         if first is not None and not about and not any((column >= first).any() for column in bound):
             palette.unmix(self.name, self.paths)
-
-
-# room for bodies -----------------------------------------------------------------
-
-
-def make_room(world, trapped):
-    """Move these animals, (n,) bool, to the nearest free place.
-
-    Raises
-    ------
-    ValueError
-        When there is none nearby.  No animal has moved then.
-    """
-    if not trapped.any():
-        return
-    agents = world.agents
-    half, radius = agents[Body.axis], agents[Body.radius]
-    bodies = [np.ascontiguousarray(c) for c in (*agents[Position.xyz][:, :2].T, *agents[Heading.forward][:, :2].T)]
-    x, y, fx, fy = bodies
-    find = _finder(world, 2.0 * float((half + radius).max()))
-    stands = ~trapped
-    for row in np.flatnonzero(trapped):
-        others = Capsules(*(np.ascontiguousarray(c[stands]) for c in (x, y, fx, fy, half, radius)))
-        found, x[row], y[row] = find(x[row], y[row], fx[row], fy[row], half[row], radius[row], others)
-        need(found, f"animal {agents.ids[row]} stands there, and has no room to step aside")
-        stands[row] = True
-    agents[Position.xyz][:, 0], agents[Position.xyz][:, 1] = x, y
-
-
-def make_place(world, columns):
-    """Move newcomers, given as columns, that would overlap others or walls to the nearest free place."""
-    land, agents = world.resource(Landscape), world.agents
-    xyz, forward = columns[Position.xyz], columns[Heading.forward]
-    half, radius = columns[Body.axis], columns[Body.radius]
-    reach = 2.0 * float((half + radius).max())
-    others = bodies_of(agents, land.wrap, reach)
-    walls = np.ascontiguousarray(land.solid.ends)
-    pressed = touching(xyz, forward, half, np.maximum(radius - PRESSED, 0.0), walls)
-    pressed |= pressing(xyz, forward, half, radius, others)
-    for polygon in land.solids:
-        pressed |= inside_polygon(xyz, polygon)
-    iy, ix = cell_under(land, xyz)
-    pressed |= ~land.walkable[iy, ix] & on_map(land, xyz)
-    if not pressed.any():
-        return
-    find = _finder(world, reach)
-    mine = [xyz[:, 0].copy(), xyz[:, 1].copy(), forward[:, 0], forward[:, 1], half, radius]
-    stands = ~pressed
-    for row in np.flatnonzero(pressed):
-        around = Capsules(*(np.concatenate([o, m[stands]]) for o, m in zip(others, mine, strict=True)))
-        found, mine[0][row], mine[1][row] = find(*(m[row] for m in mine), around)
-        need(found, "an animal cannot come back: there is no room where it stood")
-        stands[row] = True
-    xyz[:, 0], xyz[:, 1] = mine[0], mine[1]
-
-
-def _finder(world, reach):
-    """`nearest_free` for this landscape: (x, y, fx, fy, half, radius, others) to (found, x, y)."""
-    land = world.resource(Landscape)
-    ground = ground_for(land, reach, ~land.walkable)
-
-    def find(x, y, fx, fy, half, radius, others):
-        inside = ground._replace(bounds=inset(land, half + radius))
-        return nearest_free(x, y, fx, fy, half, radius, inside, others)
-
-    return find
-
-
-def cell_under(land, xyz):
-    """(iy, ix) of the cell under each animal; outside the map the nearest cell."""
-    ny, nx = land.brush.shape
-    return tuple(np.clip(np.floor(xyz[:, k] / land.cell), 0, n - 1).astype(np.int64) for k, n in ((1, ny), (0, nx)))
-
-
-def on_map(land, xyz):
-    """(n,) bool, animals on the map."""
-    return (xyz[:, 0] >= 0) & (xyz[:, 1] >= 0) & (xyz[:, 0] < land.width) & (xyz[:, 1] < land.height)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def pressing(xyz, forward, half, radius, others):
-    """(n,) bool, animals whose body overlaps another."""
-    out = np.zeros(len(xyz), np.bool_)
-    for i in range(len(xyz)):
-        x, y, ux, uy = xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1]
-        for j in range(len(others.x)):
-            if overlaps_(x, y, ux, uy, half[i], radius[i] - PRESSED, others, j):
-                out[i] = True
-                break
-    return out

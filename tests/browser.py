@@ -84,14 +84,15 @@ class Browser:
         for kind in ("mousePressed", "mouseReleased"):
             self.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=1, clickCount=1)
 
-    def drag(self, start, end):
-        """The left button held from one point to another."""
+    def drag(self, start, end, button="left"):
+        """A button held from one point to another."""
         (x, y), (u, v) = start, end
-        self.ask("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", buttons=1, clickCount=1)
+        held = {"button": button, "buttons": {"left": 1, "right": 2, "middle": 4}[button]}
+        self.ask("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, clickCount=1, **held)
         for k in range(1, 5):
             at = {"x": x + (u - x) * k / 4, "y": y + (v - y) * k / 4}
-            self.ask("Input.dispatchMouseEvent", type="mouseMoved", button="left", buttons=1, **at)
-        self.ask("Input.dispatchMouseEvent", type="mouseReleased", x=u, y=v, button="left", buttons=0, clickCount=1)
+            self.ask("Input.dispatchMouseEvent", type="mouseMoved", **held, **at)
+        self.ask("Input.dispatchMouseEvent", type="mouseReleased", x=u, y=v, button=button, buttons=0, clickCount=1)
 
     def picture(self, path):
         """Keep what it shows as a PNG."""

@@ -1,4 +1,4 @@
-"""Run with Blender's Python (package bpy): where a USD file has its animals, as one line of JSON."""
+"""Run with Blender's Python (package bpy): where a USD file shows its animals, as one line of JSON."""
 
 import json
 import sys
@@ -23,7 +23,8 @@ for frame in (0, 20):
     scene.frame_set(frame)
     places = []
     for drawn in bpy.context.evaluated_depsgraph_get().object_instances:  # each lives until the next
-        if drawn.object.type == "MESH" and (drawn.is_instance or "animal_" in above(drawn.object)):
+        hidden = max(drawn.matrix_world.to_scale()) < 1e-3  # bodies of other brushes, and who is not there
+        if drawn.object.type == "MESH" and not hidden and (drawn.is_instance or "animal_" in above(drawn.object)):
             places.append([round(value, 4) for value in drawn.matrix_world.translation])
     told[str(frame)] = sorted(places)
 print("TOLD" + json.dumps(told))

@@ -275,12 +275,39 @@ def names_twice(sources):
     return {name: where for name, where in found.items() if len(where) > 1 and name not in SHARED}
 
 
+SAME_THING = [  # folders whose files of one name are one thing twice: formats of one scene, a model and its likelihood
+    {"flockbrush/output/usd", "flockbrush/output/gltf"},
+    {"behaviours/models", "flockbrush/learning/likelihoods"},
+    {"engine", "systems"},  # commands: what they are, and those of a world
+]
+
+
+def test_the_name_of_a_file_has_one_meaning():
+    folders = {}
+    for path in files(*ROOMS):
+        folders.setdefault(path.name, set()).add(named(path.parent))
+    twice = {name: found for name, found in folders.items() if len(found) > 1 and name != "__init__.py"}
+    assert len(folders) > 300
+    assert {name: found for name, found in twice.items() if not any(found <= one for one in SAME_THING)} == {}
+
+
 def test_the_name_of_a_class_has_one_meaning():
     sources = {named(path): path.read_text(encoding="utf-8") for path in files(*ROOMS)}
     assert len(sources) > 300 and names_twice(sources) == {}
     assert names_twice({"a": "class X: pass", "b": "class X(Y): pass\nclass _Z: pass", "c": "class _Z: pass"}) == {
         "X": ["a", "b"]
     }
+
+
+def test_there_is_one_main_loop_one_undo_stack_and_no_inverse_of_a_command():
+    sources = {named(path): path.read_text(encoding="utf-8") for path in files(*ROOMS)}
+
+    def having(*words):
+        return {file for file, source in sources.items() if any(word in source for word in words)}
+
+    assert having("pygame.event.get", "pygame.time.Clock") == {"flockbrush/studio/window.py"}
+    assert having("undone.append", "undone.pop") <= {"flockbrush/runs/edit_file.py"}  # which reads them from a file
+    assert having("def inverse(") == set()
 
 
 COMPILERS = (

@@ -126,7 +126,7 @@ def test_a_measure_is_one_function(monkeypatch):
     assert herd.measures()["width"] == pytest.approx(np.ptp(herd.agents[Position.xyz][:, 0]))
     assert measures.measures()["width"].meaning == "Extent from west to east"
 
-    from flockbrush.cli.commands import meaning_of
+    from flockbrush.cli.level_commands import meaning_of
     from flockbrush.studies.experiments import experiments
 
     assert meaning_of("width") == "Extent from west to east, m"

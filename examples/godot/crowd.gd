@@ -16,8 +16,13 @@ var seconds := 0.0
 func _ready() -> void:
 	var document := GLTFDocument.new()
 	var state := GLTFState.new()
-	assert(document.append_from_file(path, state) == OK, "cannot read %s" % path)
-	add_child(document.generate_scene(state))  # ground, obstacles, camera, sun
+	if document.append_from_file(path, state) != OK:
+		push_error("cannot read %s" % path)
+		return
+	var scene := document.generate_scene(state)  # ground, obstacles, camera, sun
+	for sun in scene.find_children("*", "DirectionalLight3D"):
+		sun.light_energy /= PI  # glTF counts lux; here 1 lights a white surface white
+	add_child(scene)
 	for node in state.json["nodes"]:
 		if node.get("extras", {}).has("crowd"):
 			about = node["extras"]["crowd"]
@@ -67,7 +72,7 @@ func show_frame(frame: int) -> void:
 		var place := Vector3(data.decode_float(p), data.decode_float(p + 4), data.decode_float(p + 8))
 		var q: int = record + at["turn"]
 		var turn := Quaternion(data.decode_s16(q), data.decode_s16(q + 2), data.decode_s16(q + 4), data.decode_s16(q + 6))
-		var size: Array = about["scales"][animal]
+		var size: Array = about["scales"][int(about["first_body"][animal]) + data.decode_u16(record + at["body"])]
 		var body := Basis(turn.normalized()) * Basis.from_scale(Vector3(size[0], size[1], size[2]))
 		var rgb: Array = about["brush_colours"][data.decode_u16(record + at["brush"])]
 		var light := Color(rgb[0], rgb[1], rgb[2]) * float(about["brightest"])

@@ -53,11 +53,15 @@ export class Crowd {
       const then = Math.min(frame + 1, last);
       if (this.code(then, animal, "flags") & about.flags.present) {
         this.read(then, animal, next);
+        for (const [k, axis] of about.wrap ? ["x", "y"].entries() : []) {  // the short way over the seam of a periodic map
+          next.place[axis] -= Math.round((next.place[axis] - now.place[axis]) / about.wrap[k]) * about.wrap[k];
+        }
         now.place.lerp(next.place, share);
         now.turn.slerp(next.turn, share);
       }
       const many = this.poses[this.code(frame, animal, "pose")];
-      many.setMatrixAt(many.count, this.matrix.compose(now.place, now.turn, this.scale.fromArray(about.scales[animal])));
+      this.scale.fromArray(about.scales[about.first_body[animal] + this.code(frame, animal, "body")]);
+      many.setMatrixAt(many.count, this.matrix.compose(now.place, now.turn, this.scale));
       many.setColorAt(many.count++, this.colours[this.code(frame, animal, "brush")]);
     }
     for (const pose of this.poses) pose.instanceMatrix.needsUpdate = pose.instanceColor.needsUpdate = true;

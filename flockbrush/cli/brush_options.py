@@ -33,7 +33,7 @@ class StartLayout(str, enum.Enum):
 @brush_app.command("list")
 def brush_list(json: Json = False):
     """List the shipped brushes."""
-    from flockbrush.cli.commands import list_brushes
+    from flockbrush.cli.level_commands import list_brushes
 
     list_brushes(json)
 
@@ -44,7 +44,7 @@ def brush_show(
     json: Json = False,
 ):
     """Show the parameters of a brush with their units, and where the values come from."""
-    from flockbrush.cli.commands import show_brush
+    from flockbrush.cli.level_commands import show_brush
 
     show_brush(name, json)
 
@@ -57,7 +57,7 @@ def brush_check(
     ],
 ):
     """Check brushes and print every problem as `file:line: ...`."""
-    from flockbrush.cli.commands import check_brushes
+    from flockbrush.cli.level_commands import check_brushes
 
     check_brushes(files)
 
@@ -79,7 +79,7 @@ def brush_convert(
     ] = None,
 ):
     """Convert brushes with a [body] table to `made_for`; write a species file if no species has that body."""
-    from flockbrush.cli.brush_conversion import convert_brushes
+    from flockbrush.cli.convert_brushes import convert_brushes
 
     convert_brushes(files, species, output)
 
@@ -137,6 +137,6 @@ def brush_preview(
     palette: PaletteOption = PaletteName.own,
 ):
     """Draw animals under a brush on a plane: at the start, in the middle and at the end of the run."""
-    from flockbrush.cli.commands import preview_brush
+    from flockbrush.cli.level_commands import preview_brush
 
     preview_brush(name, output, agents, seconds, seed, start.value, theme.value, palette.value)

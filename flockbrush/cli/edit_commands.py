@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flockbrush.cli.commands import opened, stepping
+from flockbrush.cli.level_commands import opened, stepping
 from flockbrush.engine.files import refused
 from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
 from flockbrush.runs.edit_file import EditFile, edits_of, ids_of, ids_text, sentence_of
+from flockbrush.runs.recording_selection import Selection, chosen
 from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past
-from flockbrush.runs.selection import Selection, chosen
 from flockbrush.runs.snapshots import moment_of, words_of
 from flockbrush.runs.terminal import print_json, print_line, say, show, table
 from flockbrush.systems.landscape import Landscape
@@ -32,7 +33,7 @@ def edit_recording(job: EditJob):
     file = edits_of(job.recording)
     kind = _kind(job)
     if kind is not None:
-        edit = _edit(job, kind, run)
+        edit = _edit(job, kind, run, file)
         try:
             file.add(edit, job.layer)
         except ValueError as error:
@@ -87,8 +88,8 @@ def _selection(job):
     return Selection(ids, box, near, job.species or "", job.brush or "", job.state or "")
 
 
-def _edit(job, kind, run) -> Edit:
-    """The requested edit, with the ids of the selected animals."""
+def _edit(job, kind, run, file) -> Edit:
+    """The requested edit, with the ids of the animals that are selected as the edits so far show them."""
     _check_uses(job, kind)
     start, end = job.start or 0.0, ALWAYS if job.end is None else job.end
     selection = _selection(job)
@@ -100,9 +101,12 @@ def _edit(job, kind, run) -> Edit:
     if tick > run.last_tick:
         last = run.last_tick * simulation.clock.dt
         raise refused(job.recording, f"the recording ends at {last:g} s; animals cannot be selected at {time:g} s")
-    with terminal.compiling():
-        running.go_to(run, simulation, tick)
-    moment, words = moment_of(simulation), words_of(simulation)
+    with ExitStack() as stack:
+        with terminal.compiling():
+            running.go_to(run, simulation, tick)
+        interrupts = stack.enter_context(terminal.Interrupts())
+        edits = _edited_moments(file.edits(), run, simulation, stack, interrupts)
+        moment, words = edits.at(moment_of(simulation)), words_of(simulation)
     try:
         ids = chosen(selection, moment, words)
     except ValueError as error:
@@ -230,6 +234,11 @@ def applied(file: EditFile | None, run, simulation, stack, interrupts) -> Edited
     layers = sum(bool(layer.on and layer.edits) for layer in file.layers)
     say(f"{file.path}: applied {len(edits)} edit{'s' * (len(edits) > 1)} of {layers} layer{'s' * (layers > 1)} "
         "(--no-edits leaves them out)")  # fmt: skip
+    return _edited_moments(edits, run, simulation, stack, interrupts)
+
+
+def _edited_moments(edits, run, simulation, stack, interrupts) -> EditedMoments:
+    """The moments of a recording with edits; those of time make one pass over the recording here."""
     late = [animal for edit in edits if edit.kind in IN_TIME for animal in edit.ids]
     past = None
     if late:

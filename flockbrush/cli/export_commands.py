@@ -5,8 +5,8 @@ from __future__ import annotations
 from contextlib import ExitStack
 from pathlib import Path
 
-from flockbrush.cli.commands import opened, stepping, use_threads
 from flockbrush.cli.edit_commands import applied, told_of
+from flockbrush.cli.level_commands import opened, stepping, use_threads
 from flockbrush.engine.recording import resume
 from flockbrush.output.export import Exports, check_exports
 from flockbrush.runs import run as running

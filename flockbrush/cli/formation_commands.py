@@ -14,7 +14,7 @@ import numpy as np
 import flockbrush
 from flockbrush.behaviours.formation.extraction import extract
 from flockbrush.behaviours.formation.formation_shapes import load_formation, textbook, to_json
-from flockbrush.behaviours.formation.marks import read_marks
+from flockbrush.behaviours.formation.marked_birds import read_marks
 from flockbrush.behaviours.formation.reaching import FormingRules
 from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
 from flockbrush.engine.files import claimed, held, output_problems, refused, write_text

@@ -18,7 +18,7 @@ def level_check(
     window: Annotated[bool, typer.Option("--window", help="Also show the result in a window (F6 in Tiled).")] = False,
 ):
     """Check levels and print every problem as `file:line: ...`."""
-    from flockbrush.cli.commands import check_levels
+    from flockbrush.cli.level_commands import check_levels
 
     check_levels(files, window)
 
@@ -36,7 +36,7 @@ def level_render(
     palette: PaletteOption = PaletteName.own,
 ):
     """Draw a level with its animals as a picture."""
-    from flockbrush.cli.commands import render_level
+    from flockbrush.cli.level_commands import render_level
 
     render_level(level, output, seconds, seed, agents, theme.value, palette.value)
 
@@ -46,7 +46,7 @@ def level_init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to create or update.")],
 ):
     """Create a folder for levels: a Tiled project with the Flockbrush classes, tilesets and an example level."""
-    from flockbrush.cli.commands import init_levels
+    from flockbrush.cli.level_commands import init_levels
 
     init_levels(folder)
 
@@ -65,7 +65,7 @@ def level_adopt(
     ] = 1.0,
 ):
     """Make a level from a Tiled map: add the Flockbrush layers and properties; existing layers are kept."""
-    from flockbrush.cli.commands import adopt_map
+    from flockbrush.cli.level_commands import adopt_map
 
     adopt_map(map_file, output, metres)
 
@@ -73,6 +73,6 @@ def level_adopt(
 @level_app.command("list")
 def level_list():
     """List the shipped levels."""
-    from flockbrush.cli.commands import list_levels
+    from flockbrush.cli.level_commands import list_levels
 
     list_levels()

@@ -86,7 +86,7 @@ def demo(
     palette: PaletteOption = PaletteName.own,
 ):
     """Simulate a flock of sheep in a pasture with obstacles, write demo.mp4 and print measures."""
-    from flockbrush.cli.commands import run_level
+    from flockbrush.cli.level_commands import run_level
 
     if out.suffix.lower() != ".mp4":
         raise typer.BadParameter(
@@ -128,7 +128,7 @@ def play(
 @grouped
 def run(context: typer.Context, wanted: RunRequest):
     """Run a level without a window, for 30 simulated seconds by default."""
-    from flockbrush.cli.commands import run_level
+    from flockbrush.cli.level_commands import run_level
 
     if wanted.ticks is not None and wanted.seconds is not None:
         raise typer.BadParameter("give --ticks or --seconds, not both", param_hint="--ticks")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flockbrush.cli.commands import check_plot, meaning_of, opened, stepping, use_threads
+from flockbrush.cli.level_commands import check_plot, meaning_of, opened, stepping, use_threads
 from flockbrush.engine.parallel import threads
 from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.cli.commands import check_plot
+from flockbrush.cli.level_commands import check_plot
 from flockbrush.cli.measure import mean_of, show_series
 from flockbrush.film.observations import Evidence
 from flockbrush.film.open_clip import Looking, look_at, tell_notes

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from flockbrush.behaviours.brush import PATH_SUFFIX
 from flockbrush.behaviours.mixture import can_mix, path_to_toml
-from flockbrush.cli.commands import find_brush
+from flockbrush.cli.level_commands import find_brush
 from flockbrush.engine.files import held, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.runs.terminal import print_line, say

@@ -19,7 +19,7 @@ ProgramName = Annotated[str, typer.Argument(metavar="NAME", help="Program: a nam
 @program_app.command("list")
 def program_list(json: Json = False):
     """List the shipped programs."""
-    from flockbrush.cli.program_commands import list_programs
+    from flockbrush.cli.program_cli import list_programs
 
     list_programs(json)
 
@@ -27,7 +27,7 @@ def program_list(json: Json = False):
 @program_app.command("show")
 def program_show(name: ProgramName, json: Json = False):
     """Show the states and triggers of a program."""
-    from flockbrush.cli.program_commands import show_program
+    from flockbrush.cli.program_cli import show_program
 
     show_program(name, json)
 
@@ -37,7 +37,7 @@ def program_check(
     files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Program files, or names of shipped programs.")],
 ):
     """Check programs and print every problem as `file:line: ...`."""
-    from flockbrush.cli.program_commands import check_programs
+    from flockbrush.cli.program_cli import check_programs
 
     check_programs(files)
 
@@ -62,6 +62,6 @@ def program_test(
     json: Json = False,
 ):
     """Run a program on a plane; print the number of animals in each state and the transitions."""
-    from flockbrush.cli.program_commands import test_program
+    from flockbrush.cli.program_cli import test_program
 
     test_program(name, animals, seconds, seed, species, intruder, event, json)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from flockbrush.cli.commands import differing, measures_table, opened, stepping, use_threads
+from flockbrush.cli.level_commands import differing, measures_table, opened, stepping, use_threads
 from flockbrush.cli.show_desync import show_build, show_desync
 from flockbrush.engine.parallel import threads
 from flockbrush.engine.recording import RecordingError, first_difference, resume, state_hash

@@ -7,7 +7,7 @@ import sys
 
 import typer
 
-from flockbrush.cli.commands import recorder_of, use_threads
+from flockbrush.cli.level_commands import recorder_of, use_threads
 from flockbrush.cli.run_options import ServeOptions
 from flockbrush.engine import limits
 from flockbrush.engine.files import output_problems

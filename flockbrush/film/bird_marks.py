@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from flockbrush.film.birds_in_sky import PictureTracker
 from flockbrush.film.tracking import JOIN, Tracker, blobs_of
 from flockbrush.film.tracks import Tracks
 
@@ -53,6 +54,12 @@ class Birds:
 
     # what a person does ---------------------------------------------------------------------
 
+    def shift(self, k) -> np.ndarray:
+        """The flock's movement from the frame before to this one, pixels."""
+        ways = self.px[k] - self.px[k - 1] if k else np.zeros((0, 2))
+        ways = ways[np.isfinite(ways[:, 0])]
+        return np.median(ways, axis=0) if len(ways) else np.zeros(2)
+
     def put(self, k, bird, x, y) -> Birds:
         """Set the position of a bird in this frame; an unused number adds a bird."""
         px, ids = self.px, self.ids
@@ -67,6 +74,10 @@ class Birds:
         """A number that was never used for a bird."""
         said = (bird for rows in self.corrections.values() for bird in rows)
         return 1 + max((*self.ids, *said), default=0)
+
+    def partly(self) -> dict[int, int]:
+        """In how many frames those birds are that are not in all of them."""
+        return {bird: n for bird, n in sorted(self.sights().items()) if n < len(self.px)}
 
     def swap(self, k, one, other) -> Birds:
         """Swap the numbers of two birds from this frame on."""
@@ -165,14 +176,15 @@ class Birds:
         }
         return Tracker(seeds, said, first=first, fresh=self.new()), first
 
-    def with_tracks(self, k, tracks: Tracks | None) -> Birds:
-        """The same birds before frame k, and the birds of the tracks from frame k on."""
+    def with_tracks(self, k, tracks: Tracks | None, until=None) -> Birds:
+        """The same birds before frame k and from frame ``until`` on, and the birds of the tracks in between."""
         frames = len(self.px)
+        until = frames if until is None else until
         fresh = Birds.none(frames) if tracks is None else Birds.of(tracks, frames)
         said = {bird for f, rows in self.corrections.items() if f >= k for bird in rows}
         ids = tuple(sorted({*self.ids, *fresh.ids, *said}))
         px = np.full((frames, len(ids), 2), np.nan)
-        for old, span in ((self, slice(0, k)), (fresh, slice(k, frames))):
+        for old, span in ((self, slice(0, k)), (fresh, slice(k, until)), (self, slice(until, frames))):
             for n, bird in enumerate(old.ids):
                 px[span, ids.index(bird)] = old.px[span, n]
         for (
@@ -233,15 +245,19 @@ class Follower:
         say : callable, optional
             Called with the share that is done; an exception it raises stops the tracking.
         """
-        tracker, first = birds.tracker(k)
-        for f in range(first, len(self.film)):
+        tracker, first, until = self.tracker(birds, k)
+        for f in range(first, until):
             tracker.take(self.blobs(f))
-            say((f + 1 - first) / (len(self.film) - first))
+            say((f + 1 - first) / (until - first))
         try:
             tracks = tracker.tracks()
         except ValueError:
             tracks = None
-        return birds.with_tracks(k, tracks)
+        return birds.with_tracks(k, tracks, until)
+
+    def tracker(self, birds: Birds, k):
+        """A tracker for frame k and those after it, its first frame, and the frame before which it ends."""
+        return *birds.tracker(k), len(self.film)
 
     def blobs(self, f):
         """The patches of a frame."""
@@ -250,3 +266,23 @@ class Follower:
                 self._blobs.pop(next(iter(self._blobs)))
             self._blobs[f] = blobs_of(self.film.frame(f))
         return self._blobs[f]
+
+
+class PictureFollower(Follower):
+    """Follows the birds of pictures, in which they were found before, up to the next one that a person has corrected.
+
+    Parameters
+    ----------
+    film : PictureFilm
+    """
+
+    def tracker(self, birds: Birds, k):
+        first, film = max(0, k - 1), self.film
+        until = min((f for f in birds.corrections if f >= k), default=len(film))
+        seeds = {f: [(bird, *at) for bird, at in birds.at(f).items()] for f in range(first, k)}
+        fresh = birds.new() if birds.ids else 0
+        tracker = PictureTracker(film.wingspan, seeds, birds.corrections, first, fresh, birds.at, film.size)
+        return tracker, first, until
+
+    def blobs(self, f):
+        return self.film.found[f]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.optimize import linear_sum_assignment
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.film.bird_sizes import Patch, of_one_size, patches_of
 from flockbrush.film.media import FilmReader, read_picture
+from flockbrush.film.tracks import Tracks
 
 CONTRAST = 6.0  # robust deviations of the sky: a bird differs by more
 LEAST_CONTRAST = 18.0  # grey levels
@@ -27,6 +29,8 @@ FEW = 0.34  # share of the birds: so few that are lighter, or darker, than the s
 PURE = 0.85  # of a patch lighter, or darker, than the sky: of one kind (a white bird with a dark head is of neither)
 OPPOSITE = 0.7  # difference of those shares between a bird and other objects
 TWO = 1.7  # times the usual span: two birds that touch
+REACH = 2.0  # wingspans that a bird may leave the flock's movement from one picture to the next
+NEAR = 0.6  # wingspans: a mark so near to a bird that was found is on it
 VIDEOS = {".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"}
 
 
@@ -209,6 +213,106 @@ def carry(before, now, reach):
     return match
 
 
+class Mark(NamedTuple):
+    """Where a bird is in a picture."""
+
+    x: float  # pixels
+    y: float
+    found: bool = True  # whether it is on a bird that was found; else it is carried on from a mark by hand
+    gone: bool = False  # a person has said that this is no bird; it is followed so that it does not come back
+
+
+def is_found(x, y, patches):
+    """Whether a mark is exactly on one of the birds that were found, as far as files keep it."""
+    return any(abs(patch.x - x) < 0.1 and abs(patch.y - y) < 0.1 for patch in patches)
+
+
+class PictureTracker:
+    """Follows the birds of a few pictures, as `flockbrush.film.tracking.Tracker` does those of films.
+
+    Parameters
+    ----------
+    wingspan : float
+        Pixels.
+    seeds : dict of int to list of (id, x, y)
+        Pictures whose birds are known: exactly these.
+    corrected : collection of int
+        Pictures of ``seeds`` that a person has corrected: whatever else was found in them is no bird.
+    first : int
+        Number of the first picture that it will be given.
+    fresh : int
+        New birds get this number and those after it.
+    known : callable, optional
+        The birds of a picture as they were, {id: (x, y)}: a bird that is new in it keeps its number.
+    size : (float, float)
+        Width and height of the pictures: who leaves them is not carried on.
+    """
+
+    def __init__(self, wingspan, seeds=None, corrected=(), first=0, fresh=0, known=lambda k: {}, size=(np.inf, np.inf)):
+        self.wingspan, self.seeds, self.corrected, self.known, self.size = wingspan, seeds or {}, corrected, known, size
+        self.first, self.frame, self.fresh = first, first - 1, fresh
+        self.marks: list[dict[int, Mark]] = []  # of each picture
+        self._no_birds = itertools.count(-1, -1)  # numbers of what is no bird
+
+    def take(self, found):
+        """Take the birds that were found in the next picture."""
+        self.frame += 1
+        before = self.marks[-1] if self.marks else {}
+        match = carry(list(before.values()), found, REACH * self.wingspan)
+        old = list(before.items())
+        same = [(patch, *old[k]) for patch, k in zip(found, match, strict=True) if k >= 0]
+        now = {bird: Mark(patch.x, patch.y, True, was.gone) for patch, bird, was in same}
+        if self.frame in self.seeds:
+            now = self._as_told(now, found)
+        else:
+            self._carry_on(before, now)
+            self._begin(now, before, [p for p, k in zip(found, match, strict=True) if k < 0])
+        self.marks.append(now)
+
+    def _as_told(self, now, found):
+        """The birds of a picture that a person knows, and what is followed though it is no bird."""
+        places = {bird: Mark(x, y, is_found(x, y, found)) for bird, x, y in self.seeds[self.frame]}
+        told = {bird: mark for bird, mark in now.items() if mark.gone and not self._on(*mark[:2], places.values())}
+        if self.frame in self.corrected:
+            taken = [*places.values(), *told.values()]
+            rest = [p for p in found if not self._on(p.x, p.y, taken)]
+            told |= {next(self._no_birds): Mark(p.x, p.y, True, True) for p in rest}
+        return places | told
+
+    def _on(self, x, y, others):
+        return any(np.hypot(p.x - x, p.y - y) <= NEAR * self.wingspan for p in others)
+
+    def _carry_on(self, before, now):
+        """Carry on those that a person has marked where nothing is found."""
+        ways = [(now[b].x - mark.x, now[b].y - mark.y) for b, mark in before.items() if b in now]
+        shift = np.median(ways, axis=0) if ways else np.zeros(2)
+        for bird, mark in before.items():
+            x, y = mark.x + shift[0], mark.y + shift[1]
+            if bird not in now and not mark.found and 0 <= x < self.size[0] and 0 <= y < self.size[1]:
+                now[bird] = Mark(x, y, False, mark.gone)
+
+    def _begin(self, now, before, found):
+        """Number those that are new; who was seen at this very place before keeps its number."""
+        known = {place: bird for bird, place in self.known(self.frame).items()}
+        for patch in found:
+            bird = known.get((patch.x, patch.y))
+            if bird is None or bird in now or bird in before:
+                bird, self.fresh = self.fresh, self.fresh + 1
+            now[bird] = Mark(patch.x, patch.y)
+
+    def tracks(self) -> Tracks:
+        """The tracks so far; ValueError when there are none."""
+        numbers = sorted({bird for marks in self.marks for bird, mark in marks.items() if not mark.gone})
+        if not numbers:
+            raise ValueError("no bird was found")
+        px = np.full((len(self.marks), len(numbers), 2), np.nan)
+        for row, marks in zip(px, self.marks, strict=True):
+            for n, bird in enumerate(numbers):
+                if bird in marks and not marks[bird].gone:
+                    row[n] = marks[bird][:2]
+        return Tracks(px, np.array(numbers), self.first)
+
+
 def mark(paths, every=1):
     """Marks of every bird that is found in every picture.
 
@@ -232,16 +336,13 @@ def mark(paths, every=1):
     if not any(patches for _, patches in frames):
         raise ProblemsError([Problem(str(next(iter(paths))), None, None, "no birds were detected on a plain sky")])
     span = float(np.median([patch.span for _, patches in frames for patch in patches]))
+    tracker = PictureTracker(span)
     tracks: dict[int, list[tuple[str, Patch]]] = {}
-    before: list[Patch] = []
-    names: list[int] = []
     for frame, patches in frames:
-        match = carry(before, patches, 2.0 * span)
-        here = []
-        for patch, old in zip(patches, match, strict=True):
-            here.append(names[old] if old >= 0 else len(tracks))
-            tracks.setdefault(here[-1], []).append((frame, patch))
-        before, names = patches, here
+        tracker.take(patches)
+        places = {(patch.x, patch.y): patch for patch in patches}
+        for bird, seen in tracker.marks[-1].items():
+            tracks.setdefault(bird, []).append((frame, places[seen.x, seen.y]))
     whole = {bird: seen for bird, seen in tracks.items() if len(seen) == len(frames)}
     lost = [
         f"bird {bird} is in {len(seen)} of {len(frames)} frames, from {seen[0][0]}, and was left out"

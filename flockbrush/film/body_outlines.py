@@ -22,6 +22,7 @@ from flockbrush.film.touching_bodies import LEAST, parted_bodies
 ALONE = 0.55, 1.45  # of one animal's area: a blob of one animal
 SOLID = 0.88, 0.74  # share of its convex hull that a lone body fills; less where a dark head is cut out of it
 LIKE = 0.35, 0.25, 0.25  # logarithms of area, length and width by which one animal may differ from the usual one
+LEAST_AREA = 6  # px: less is a scrap
 ENOUGH = 6  # lone bodies that are needed to tell the size of one
 ALONG, END = 6, 0.62  # positions from the middle of a body to each end, and the end of the last part, lengths
 
@@ -60,11 +61,18 @@ def size_of_bodies(masks) -> BodySize | None:
         return None
     area, long, wide, solid, inside = np.array(found).T
     for least in SOLID:
-        chosen = (solid >= least) & (inside > 0) & (area >= 6)
+        chosen = (solid >= least) & (inside > 0) & (area >= LEAST_AREA)
         size = _of_those(area, long, wide, chosen)
         if size is not None:
             return size
     return None
+
+
+def areas_alone(masks) -> np.ndarray:
+    """(k,) pixels of the blobs of some masks that fill their convex hull and are not cut by the border."""
+    found = np.array([row for mask in masks for row in _blobs(mask)]).reshape(-1, 5)
+    area, _, _, solid, inside = found.T
+    return area[(solid >= SOLID[0]) & (inside > 0) & (area >= LEAST_AREA)]
 
 
 def _of_those(area, long, wide, chosen):

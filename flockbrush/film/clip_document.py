@@ -20,7 +20,7 @@ from flockbrush.film.flight_sketch import Path as Drawn
 from flockbrush.film.landmarks import MOST, Landmark
 from flockbrush.film.track_clip import table_of
 from flockbrush.film.tracks import read_marks, read_tracks
-from flockbrush.levels.steps import Steps
+from flockbrush.levels.steps import StateStack
 
 UNDONE = 100  # steps that can be taken back
 
@@ -48,16 +48,7 @@ class ClipState(NamedTuple):
     sketch: FlightSketch
 
 
-class ClipStep(NamedTuple):
-    """What undo takes back: its name, where it happened, and how things were before."""
-
-    label: str
-    mode: str
-    frame: int
-    before: ClipState
-
-
-class Book(Steps):
+class Book(StateStack):
     """The marks of one film.
 
     Parameters
@@ -69,18 +60,12 @@ class Book(Steps):
     """
 
     def __init__(self, film, folder):
-        super().__init__()
+        empty = MaskLayer.empty(film.size)
+        state = ClipState(ClipMarks(), empty, empty, Birds.none(len(film)), FlightSketch(frames=len(film)))
+        super().__init__(state, UNDONE)
         self.film, self.folder = film, Path(folder)
         self.stem = Path(film.name).stem
-        empty = MaskLayer.empty(film.size)
-        self.state = ClipState(ClipMarks(), empty, empty, Birds.none(len(film)), FlightSketch(frames=len(film)))
-        self._saved = self.state
         self._ours: set[Path] = set()  # files that were read or written here
-
-    @property
-    def dirty(self) -> bool:
-        """Whether there is something that is not saved."""
-        return self.state is not self._saved
 
     # doing --------------------------------------------------------------------------------
 
@@ -88,30 +73,11 @@ class Book(Steps):
         """Take a step: parts of the state, by their names, are replaced."""
         if all(getattr(self.state, part) is value for part, value in changes.items()):
             return
-        self._done.append(ClipStep(label, mode, frame, self.state))
-        del self._done[:-UNDONE]
-        self._undone.clear()
-        self.state = self.state._replace(**changes)
+        self.replace(label, (mode, frame), self.state._replace(**changes))
 
     def mark(self, label, mode, frame, **changes):
         """Take a step that changes something of the marks."""
         self.do(label, mode, frame, marks=replace(self.state.marks, **changes))
-
-    def undo(self) -> ClipStep | None:
-        """Take the last step back; which it was."""
-        return self._step(self._done, self._undone)
-
-    def redo(self) -> ClipStep | None:
-        """Do again what was taken back."""
-        return self._step(self._undone, self._done)
-
-    def _step(self, source, target):
-        if not source:
-            return None
-        step = source.pop()
-        target.append(step._replace(before=self.state))
-        self.state = step.before
-        return step
 
     # what it is for -------------------------------------------------------------------------
 
@@ -177,7 +143,7 @@ class Book(Steps):
                 written.append(path)
             elif path in self._ours:
                 path.unlink(missing_ok=True)
-        self._saved = state
+        self.saved = state
         return written
 
     def _write_corrections(self, path):
@@ -239,7 +205,7 @@ class Book(Steps):
         self.state = ClipState(
             marks, layers.get("obstacles", state.obstacles), layers.get("regions", state.regions), birds, sketch
         )
-        self._saved = self.state
+        self.saved = self.state
 
     def _birds(self, tracks):
         """The birds of a file, or those saved before."""

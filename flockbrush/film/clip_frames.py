@@ -81,6 +81,10 @@ class Film:
         """Seconds of frame k from the first."""
         return float(self.times[k])
 
+    def caption(self, k) -> str:
+        """Which frame it is, and when."""
+        return frame_and_time(self, k)
+
     def again(self) -> Film:
         """The same film with a reader of its own, for another thread."""
         other = object.__new__(Film)
@@ -185,12 +189,21 @@ class Sky:
         """Seconds of frame k from the first."""
         return float(self.times[k])
 
+    def caption(self, k) -> str:
+        """Which frame it is, and when."""
+        return frame_and_time(self, k)
+
     def again(self) -> Sky:
         """The same sky."""
         return self
 
     def close(self):
         """Nothing is held."""
+
+
+def frame_and_time(film, k):
+    """Which frame of a film it is, and when."""
+    return f"frame {k} of {len(film) - 1}   {film.time(k):.2f} s"
 
 
 def _stamps(reader, say):

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 
 from flockbrush.behaviours.tomlfile import read_bytes
-from flockbrush.engine import limits, pictures
-from flockbrush.engine.pictures import picture_size
+from flockbrush.engine import limits, picture_decoding
+from flockbrush.engine.picture_decoding import picture_size
 from flockbrush.engine.problems import Problem, ProblemsError
 
 FILMS = ("mov", "matroska", "avi", "mpegts", "mpeg", "m4v", "ogg", "asf", "flv", "gif")  # FFmpeg's names of formats
@@ -57,7 +57,7 @@ def decoded(data: bytes, path, hint="", flags=cv2.IMREAD_COLOR) -> np.ndarray:
     width, height = size
     if width * height > limits.PICTURE_PIXELS:
         raise refused(path, f"has {width:,} x {height:,} pixels; the maximum is {limits.PICTURE_PIXELS.told}")
-    picture = pictures.decoded(data, flags)
+    picture = picture_decoding.decoded(data, flags)
     if picture is None:
         raise refused(path, what)
     return picture

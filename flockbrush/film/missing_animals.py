@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 NEAREST = 8  # neighbours, seen or missing, that an animal is assumed to respond to
 ONWARDS = 2.0  # s before the first and after the last sight
 STEPS = 8  # frames by which the velocity of the first and the last sight is measured
+UNSEEN = 0.1  # share of neighbours missing at which an animal counts half.  By trial: tests/behaviours/learning
 
 
 def missing_places(xy, there, fps: float) -> np.ndarray:
@@ -68,3 +69,8 @@ def neighbours_seen(xy, missing) -> np.ndarray:
         others = np.argsort(who == own, axis=1, kind="stable")[:, :k]  # itself comes last, wherever it was
         out[t, here] = 1.0 - (np.take_along_axis(who, others, 1) >= len(here)).mean(1)
     return out
+
+
+def trust(neighbours_seen):
+    """How much an animal's turn and the distances to its neighbours count, by the share of them that are seen."""
+    return 1.0 / (1.0 + ((1.0 - neighbours_seen) / UNSEEN) ** 2)

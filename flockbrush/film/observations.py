@@ -97,6 +97,11 @@ class Fields:
         return np.isfinite(self.velocity[..., 0])
 
     @property
+    def tells_motion(self) -> bool:
+        """Whether anybody is seen to move or stand: not in a photograph, where nobody knows which end is the head."""
+        return bool(np.isfinite(self.velocity[..., 0]).any())
+
+    @property
     def centres(self) -> np.ndarray:
         """Middles of the cells, (ny, nx, 2) BL."""
         ny, nx = self.shape

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.film.body_outlines import BodySize, bodies_of
+from flockbrush.film.body_outlines import BodySize, areas_alone, bodies_of
 from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.camera_maps import Steady, after, back, zoom_of
 from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, outlined, painted, read_colours
@@ -30,6 +30,7 @@ from flockbrush.film.measured_size import scaled, size_in, too_small
 from flockbrush.film.media import read_picture
 from flockbrush.film.observations import CannotObserve, Evidence, Sightings
 from flockbrush.film.plain_ground import ground_alone, is_plain
+from flockbrush.film.several_kinds import sizes_told, speeds_told
 from flockbrush.film.sightings import UNKNOWN, SightingNoise, sightings_of
 from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
@@ -168,12 +169,12 @@ class Watch:
         speed = None if clip.still else speed_evidence(fields, sightings, self.size.area, smoothed)
         way = math.inf if speed is None else speed.mean * float(clip.times[-1] - clip.times[0])
         doubt = _doubt(way)
+        told = [f"unreliable: {doubt}"] if doubt else []
         return Evidence(
             name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.length,
             length_source="given" if self.given else "blobs", radius_bl=0.5 * self.size.width / self.size.length,
-            fields=fields, sightings=sightings,
-            speed=speed, notes=self._notes(taken, way) + ([f"unreliable: {doubt}"] if doubt else []), doubt=doubt,
-            picture=first,
+            fields=fields, sightings=sightings, speed=speed,
+            notes=self._notes(taken, way) + speeds_told(sightings, clip.fps) + told, doubt=doubt, picture=first,
             to_pixels=self.grid.to_pixels, camera=self._camera(),
             region_colours=self.region_colours, place_noise=float(np.nan_to_num(noise.place)),
             heading_noise=float(np.nan_to_num(noise.heading)),
@@ -402,7 +403,9 @@ def _animals_in(clip, landmarks, body_colour, body_length_px, say):
     size, length, apart, notes = size_in(clip, steady, masks, body_length_px)
     lines = not clip.still and colours.find_lines(masks, pictures, size)
     if colours.find_stones(size.area) or lines:
-        size, length, apart, notes = size_in(clip, steady, _sampled(clip, colours)[1], body_length_px)
+        masks = _sampled(clip, colours)[1]
+        size, length, apart, notes = size_in(clip, steady, masks, body_length_px)
+    notes += sizes_told(areas_alone(masks.values()))
     return _Looks(steady, colours, size, length, apart, plain + colours.notes + notes + too_small(clip, size))
 
 

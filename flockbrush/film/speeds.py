@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import convolve
 
+from flockbrush.film.missing_animals import trust
 from flockbrush.film.pauses import pauses_of
 from flockbrush.film.speed_process import SMOOTHED, speed_process
 from flockbrush.systems.grid import sort_into_cells
@@ -135,9 +136,9 @@ def _crowd_of_animals(sightings):
     """(crowding, speed, weight) of animals in every `EVERY`-th frame."""
     rows = [sightings.of(t) for t in range(0, len(sightings), EVERY)]
     crowd = np.concatenate([crowding_of(sightings.xy[r]) for r in rows if len(sightings.xy[r])])
-    speed = np.concatenate([sightings.speed[r] for r in rows])
+    speed, seen = (np.concatenate([column[r] for r in rows]) for column in (sightings.speed, sightings.neighbours_seen))
     known = np.isfinite(speed)
-    return crowd[known], speed[known], np.full(known.sum(), float(EVERY))
+    return crowd[known], speed[known], EVERY * trust(seen[known])
 
 
 def _crowd_of_fields(fields, there):

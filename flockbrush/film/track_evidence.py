@@ -18,6 +18,7 @@ from flockbrush.engine.files import refused
 from flockbrush.film.cell_statistics import cell_statistics
 from flockbrush.film.missing_animals import missing_places, neighbours_seen
 from flockbrush.film.observations import CannotObserve, Evidence, Fields, Sightings
+from flockbrush.film.several_kinds import speeds_told
 from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
 from flockbrush.film.track_files import Trajectories
@@ -65,10 +66,11 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> E
             f"at least {FEWEST} are needed",
         )
     motion = _Motion.of(pieces, tracks.fps)
-    sightings, velocity = _sightings(pieces, motion, _neighbours_seen(tracks, pieces, motion, length))
-    fields = _fields(tracks, motion, sightings, velocity, grid)
+    missing = _missing_places(tracks, pieces, motion, length)
+    sightings, velocity = _sightings(pieces, motion, neighbours_seen(motion.xy, missing))
+    fields = _fields(tracks, missing, sightings, velocity, grid)
     speed = speed_evidence(fields, sightings, math.nan, motion.window)
-    notes = [*tracks.notes, *_notes(tracks, pieces, motion, length)]
+    notes = [*tracks.notes, *_notes(tracks, pieces, motion, length), *speeds_told(sightings, tracks.fps)]
     evidence = Evidence(
         name=tracks.name, sha256=tracks.sha256, fps=tracks.fps, body_length_px=float(length), length_source="given",
         radius_bl=RADIUS, fields=fields, sightings=sightings, speed=speed, notes=notes,
@@ -185,12 +187,12 @@ def _headings(pieces, velocity, slow):
     return out, sure & there
 
 
-def _neighbours_seen(tracks, pieces, motion, length):
-    """(T, P) share of the neighbours of each piece that are seen."""
+def _missing_places(tracks, pieces, motion, length):
+    """(T, A, 2) where animals are thought to be in frames in which they are missing, BL."""
     here, there = np.isfinite(motion.xy[..., 0]), np.zeros(tracks.seen.shape, bool)
     for k, animal in enumerate(pieces.animal):
         there[:, animal] |= here[:, k]
-    return neighbours_seen(motion.xy, missing_places(tracks.xy / length, there, tracks.fps))
+    return missing_places(tracks.xy / length, there, tracks.fps)
 
 
 def _sightings(pieces, motion, around):
@@ -211,11 +213,15 @@ def _sightings(pieces, motion, around):
 # fields ---------------------------------------------------------------------------------------------
 
 
-def _fields(tracks, motion, seen, velocity, grid):
-    """The fields of all animals; a herd that comes and goes fills the grid, a whole one has room around it."""
-    there = np.isfinite(motion.xy[..., 0])
-    here = there.sum(1)
+def _fields(tracks, missing, seen, velocity, grid):
+    """The fields of all animals; a herd that comes and goes fills the grid, a whole one has room around it.
+
+    Density and number count missing animals, too, on the ground where animals are seen; velocities are of those seen.
+    """
     low, high = seen.xy.min(0), seen.xy.max(0)
+    on_ground = ((missing >= low) & (missing <= high)).all(-1)
+    gone, hidden = np.nonzero(on_ground)[0], missing[on_ground]
+    here = np.diff(seen.first) + on_ground.sum(1)
     if here.min() >= WHOLE * here.max():
         room = max(1.2 * float((high - low).max()) / (grid - 2.4), EDGE)
     else:
@@ -223,12 +229,17 @@ def _fields(tracks, motion, seen, velocity, grid):
     low, high = low - room, high + room
     cell = float(max((high - low).max() / grid, 0.1))
     nx, ny = np.maximum(np.ceil((high - low) / cell - 1e-9).astype(int), 1)
-    at = np.clip(np.floor((seen.xy - low) / cell).astype(int), 0, (nx - 1, ny - 1))
     shape = len(seen), int(ny), int(nx)
-    flat = (seen.frame * ny + at[:, 1]) * nx + at[:, 0]
-    grids = cell_statistics(flat, seen.forward, velocity, shape)
+
+    def cells(frame, xy):
+        at = np.clip(np.floor((xy - low) / cell).astype(int), 0, (nx - 1, ny - 1))
+        return (frame * ny + at[:, 1]) * nx + at[:, 0]
+
+    grids = cell_statistics(cells(seen.frame, seen.xy), seen.forward, velocity, shape)
+    unseen = np.bincount(cells(gone, hidden), minlength=math.prod(shape)).reshape(shape)
+    density = (grids.pop("number") + unseen) / cell**2
     return Fields(
-        fps=tracks.fps, cell=cell, origin=low.copy(), density=grids.pop("number") / cell**2, seen=np.ones(shape, bool),
+        fps=tracks.fps, cell=cell, origin=low.copy(), density=density, seen=np.ones(shape, bool),
         obstacle=np.zeros(shape[1:], bool), region=np.zeros(shape[1:], np.uint8), count=here.astype(float),
         frames=np.asarray(tracks.frames), **grids,
     )  # fmt: skip
@@ -259,8 +270,8 @@ def _notes(tracks, pieces, motion, length):
     missing = _missing(tracks, motion)
     if missing > 1 - WHOLE:
         yield (
-            f"animals are missing for {missing:.0%} of the time between their first and last frame: densities are too "
-            "low, and turns of animals with missing neighbours count less"
+            f"animals are missing for {missing:.0%} of the time between their first and last frame: densities count "
+            "them where they may be, and turns and spacing of animals with missing neighbours count less"
         )
     if tracks.heading is None:
         yield "headings are directions of motion; an animal slower than the noise keeps its last heading"

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial import cKDTree
 
+from flockbrush.film.missing_animals import trust
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.herd_views import fields_of, in_picture, told_apart, view_of
 from flockbrush.learning.rollout import Run
@@ -78,10 +79,14 @@ class ClipMoment:
     velocity: np.ndarray  # (n, 2) BL/s over a span; NaN unknown
     turn: np.ndarray  # (n,) rad/s over a span; NaN unknown
     weight: np.ndarray  # (n,) animals
+    trust: np.ndarray  # (n,) how much the distances to its neighbours count
 
 
-def _looks(first, xy, heading, who, fps, every, span, single=True, velocity=None, weight=None):
-    """[Look] at regular frames; steps are those of the same animal some frames later."""
+def _looks(first, xy, heading, who, fps, every, span, single=True, velocity=None, counts=(None, None)):
+    """[Look] at regular frames; steps are those of the same animal some frames later.
+
+    ``counts``: weight and trust of each row, if they are not 1.
+    """
     step = max(1, round(span * fps))
     angle = np.arctan2(heading[:, 1], heading[:, 0])
     found = []
@@ -99,7 +104,8 @@ def _looks(first, xy, heading, who, fps, every, span, single=True, velocity=None
             turn[mine] = np.abs((turned + np.pi) % (2 * np.pi) - np.pi) * (fps / step)
         else:
             speed = velocity[rows]
-        found.append(ClipMoment(xy[rows], heading[rows], speed, turn, np.ones(n) if weight is None else weight[rows]))
+        weight, trusted = (np.ones(n) if values is None else values[rows] for values in counts)
+        found.append(ClipMoment(xy[rows], heading[rows], speed, turn, weight, trusted))
     return found
 
 
@@ -107,8 +113,9 @@ def looks_of(clip: Evidence, every: int, span: float = SPAN[0]) -> list[ClipMome
     """Looks at a clip at regular frames."""
     if told_apart(clip):
         seen = clip.sightings
-        assert seen is not None  # animals are separated
-        return _looks(seen.first, seen.xy, seen.forward, seen.track, clip.fps, every, span)
+        assert seen is not None  # animals are told apart
+        counts = None, trust(seen.neighbours_seen)
+        return _looks(seen.first, seen.xy, seen.forward, seen.track, clip.fps, every, span, counts=counts)
     return _of_view(view_of(clip, False), clip.fps, every)
 
 
@@ -140,7 +147,7 @@ def seen_run(run: Run, clip: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarr
 def _of_view(view, fps, every):
     velocity = view.heading * view.speed[:, None]
     velocity[~np.isfinite(view.speed)] = np.nan
-    return _looks(view.first, view.xy, view.heading, None, fps, every, 0.0, False, velocity, view.weight)
+    return _looks(view.first, view.xy, view.heading, None, fps, every, 0.0, False, velocity, (view.weight, None))
 
 
 # measures of looks ------------------------------------------------------------------------------
@@ -189,7 +196,7 @@ def rows_of(look: ClipMoment, yard: Yard) -> dict[str, np.ndarray]:
     return {
         "polarization": np.array([np.hypot(*(of_known @ look.heading)) if heads.any() else np.nan]),
         "milling": np.array([abs(of_known @ round_and_round) if heads.any() else np.nan]),
-        "nearest neighbour": np.array([_nearest(look.xy) if some and yard.single else np.nan]),
+        "nearest neighbour": np.array([_nearest(look) if some and yard.single else np.nan]),
         "speeds": _quantiles(speed[known], SPEED_QUANTILES, share[known]),
         "turning": _quantiles(turn, TURN_QUANTILES),
         "spread": np.array([_spread(look) if some else np.nan]),
@@ -199,8 +206,13 @@ def rows_of(look: ClipMoment, yard: Yard) -> dict[str, np.ndarray]:
     }  # fmt: skip
 
 
-def _nearest(xy):
-    return float(np.median(cKDTree(xy).query(xy, k=2)[0][:, 1]))
+def _nearest(look):
+    """Median of the distances to the nearest neighbour."""
+    far = cKDTree(look.xy).query(look.xy, k=2)[0][:, 1]
+    order = np.argsort(far, kind="stable")
+    reached, half = np.cumsum(look.trust[order]), 0.5 * look.trust.sum()
+    middle = np.searchsorted(reached, half), np.searchsorted(reached, half, side="right")
+    return float(np.mean(far[order[np.minimum(middle, len(far) - 1)]]))
 
 
 def _spread(look):

@@ -178,7 +178,7 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
     ]
     times = np.arange(len(fields)) / fields.fps
     clip = measures_of(view)
-    if not np.isfinite(fields.velocity).any():  # one picture: nothing is known of motion
+    if not fields.tells_motion:  # one picture: nothing is known of motion
         clip |= {name: np.full(len(fields), np.nan) for name in MOVING if name in clip}
         clip["directions"] = np.full(len(fields), variance_told(fields))
         herds = [herd | {"directions": directions_of(run, fields)} for herd, run in zip(herds, runs, strict=True)]
@@ -186,7 +186,7 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
     target = ClipTarget.of(evidence)
     made.unlike = float(np.mean([total(distance(run, evidence, target)) for run in runs]))
     made.speeds = {"clip": speed_by_density(fields), "simulation": speed_by_density(simulated[0])}
-    if single:
+    if single and fields.tells_motion:
         made.maps = {"clip": neighbours(view), "simulation": neighbours(views[0])}
     return made
 

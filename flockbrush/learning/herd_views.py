@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from flockbrush.film.cell_statistics import cell_statistics
+from flockbrush.film.missing_animals import trust
 from flockbrush.film.observations import Evidence, Fields
 from flockbrush.learning.rollout import Run
 
@@ -23,6 +24,12 @@ class HerdView:
     single: bool  # points are animals, not cells
     middle: np.ndarray  # (2,) BL, of the picture
     cell: float  # BL, of the cells that density is counted on
+    # (m,) how much the distances to its neighbours count of each point: less where neighbours are missing
+    trust: np.ndarray = field(default_factory=lambda: np.ones(0))
+
+    def __post_init__(self):
+        if not len(self.trust):
+            self.trust = np.ones(len(self.xy))
 
     def __len__(self):
         return len(self.first) - 1
@@ -35,7 +42,14 @@ class HerdView:
 def told_apart(evidence: Evidence) -> bool:
     """Whether most animals of a clip are separated."""
     seen = evidence.sightings
-    return seen is not None and len(seen.xy) >= 0.6 * np.nansum(evidence.fields.count) > 0
+    if seen is None or not len(seen.xy):
+        return False
+    return evidence.from_tracks or len(seen.xy) >= 0.6 * np.nansum(evidence.fields.count)
+
+
+def followed(evidence: Evidence) -> bool:
+    """Whether most animals are seen one by one, and which way they go."""
+    return told_apart(evidence) and evidence.fields.tells_motion
 
 
 def view_of(evidence: Evidence, single=None) -> HerdView:
@@ -51,8 +65,10 @@ def view_of(evidence: Evidence, single=None) -> HerdView:
     seen = evidence.sightings
     if not single or seen is None:
         return _view_of_fields(fields)
-    ones = np.ones(len(seen.xy))
-    return HerdView(seen.first, seen.xy, seen.forward, seen.speed, ones, True, _middle(fields), fields.cell)
+    ones, middle, heading, speed = np.ones(len(seen.xy)), _middle(fields), seen.forward, seen.speed
+    if not fields.tells_motion:
+        heading, speed = np.zeros_like(heading), np.full_like(speed, np.nan)
+    return HerdView(seen.first, seen.xy, heading, speed, ones, True, middle, fields.cell, trust(seen.neighbours_seen))
 
 
 def view_of_run(run: Run, evidence: Evidence, single=None) -> HerdView:

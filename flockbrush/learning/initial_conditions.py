@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec
@@ -127,6 +128,7 @@ def _drawn(fields, t, count, others, room, rng):
     cells = np.searchsorted(wanted, rng.uniform() + np.arange(count), side="right")
     cells = np.minimum(cells, len(number) - 1)
     xy = _apart(cells, fields, others, room, rng)
+    cells = _cells_of_motion(fields, t)[cells]
     velocity = fields.velocity[t].reshape(-1, 2)[cells]
     mean = np.arctan2(velocity[:, 1], velocity[:, 0])
     spread = np.radians(np.sqrt(np.nan_to_num(fields.angular_variance[t].ravel()[cells], nan=2700.0)))
@@ -135,6 +137,15 @@ def _drawn(fields, t, count, others, room, rng):
     angle = np.where(np.isfinite(angle), angle, rng.uniform(-np.pi, np.pi, len(cells)))
     speed = fields.speed[t].ravel()[cells]
     return xy, np.column_stack([np.cos(angle), np.sin(angle)]), speed
+
+
+def _cells_of_motion(fields, t):
+    """(ny * nx,) for each cell the nearest in which motion is seen: itself, if it is, or if it is seen nowhere."""
+    cells, unknown = np.arange(fields.occupied[t].size), ~fields.occupied[t]
+    if unknown.all():
+        return cells
+    row, column = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+    return (row * unknown.shape[1] + column).ravel()
 
 
 def _apart(cells, fields, others, room, rng):

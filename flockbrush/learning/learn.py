@@ -20,7 +20,7 @@ from flockbrush.learning.ablation import ablated
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.folds import ClipFolds, Fold, folds_of, seen_within
 from flockbrush.learning.group_size_test import with_other_numbers
-from flockbrush.learning.herd_views import told_apart
+from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of, name_of
@@ -173,7 +173,7 @@ def _region_out(out, region):
 
 def _needs_torch(evidences, wishes):
     """Refuse, in plain words, what cannot be done without torch: learning from fields alone."""
-    if all(told_apart(evidence) for evidence in evidences):
+    if all(followed(evidence) for evidence in evidences):
         return
     if importlib.util.find_spec("torch") is None:
         raise refused(
@@ -318,6 +318,9 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     if first.judgement is None or (first.held is None and len(judged) == 1):
         return first
     first.judgement = combined([f.judgement for f in judged if f.judgement is not None])
+    if wishes.quick and len(wholes) == 1:
+        first.notes = ["Learned from the first part of the clip and tested on the rest: --quick fits no brush to all."]
+        return first
     begins = [(f"part {k + 1}", f.learned.theta, f.learned.extras) for k, f in enumerate(judged)]
     learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), begins=begins)
     again = _found(herd, Fold(wholes, first.held), learned, wishes)
@@ -365,7 +368,8 @@ def _learned(
     """Run the recipe with a progress bar that shows the loss; ``part`` counts the runs for one brush."""
     if herd.kind != HERD:
         return learned_model(clips, herd.kind, wishes.seed)
-    state, budget = herd.state(part), QUICK_BUDGET if wishes.quick else BUDGET / (1 + of)
+    learnings = of if photo else 1 + of  # all frames are fitted at the end
+    state, budget = herd.state(part), QUICK_BUDGET if wishes.quick else BUDGET / learnings
     if not wishes.resume and not fresh:
         if state.exists():
             say(f"starting again: the state of an interrupted learning in {state} is discarded")
@@ -380,7 +384,7 @@ def _learned(
 
         starts = min(wishes.starts, QUICK_STARTS) if wishes.quick else wishes.starts
         settings = SearchSettings(
-            wishes.seed, starts, use, wishes.beta, budget, begins=begins, device=wishes.device,
+            wishes.seed, starts, use, wishes.beta, budget, begins=begins, device=wishes.device, quick=wishes.quick,
         )  # fmt: skip
         return learn(
             clips, settings, jobs=wishes.jobs, cluster=wishes.crew, say=told, stop=lambda: interrupts.asked > 0,
@@ -424,7 +428,6 @@ def _counted(found):
 def _compare(found: Findings, wishes, interrupts, photo):
     """Fill in what simulations say: on the frames held out, against others, with other numbers."""
     frames = found.held if found.held is not None else found.clips[0]
-    frames = replace(frames, sightings=None) if photo else frames  # axes are no headings
     brush = found.compared_brush
     runs = [simulated(frames, brush, seed) for seed in range(1 if wishes.quick else RUNS)]
     found.comparison = compared(frames, runs)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flockbrush.film.observations import Evidence, Fields
+from flockbrush.film.observations import Evidence, Fields, Sightings
 from flockbrush.film.speeds import SpeedEvidence
 from flockbrush.learning.axis_variance import RANDOM, mean_variance, variance_of_axes
 from flockbrush.learning.rollout import Run
@@ -37,8 +37,9 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
     Returns
     -------
     Evidence
-        Density stands still, nobody's velocity is known, and the angular variance is that of the bodies' axes where
-        they can be told apart, else that of assuming random directions.
+        Density and bodies stand still, nobody's velocity is known, and the angular variance is that of the bodies' axes
+        where they can be told apart, else that of assuming random directions.  Which end of a body is the head is
+        guessed.
     """
     frames = max(2, round(seconds * FPS))
     target, told = angular_variance(photo)
@@ -61,18 +62,35 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
     how = "measured from the axes of the bodies" if told else f"{RANDOM:g} degrees², assuming random directions"
     notes = [
         *photo.notes,
-        "Learned from a photograph: only from density and the variance of directions; motion is not known.",
+        "Learned from a photograph: only from density, spacing and the variance of directions; motion is not known.",
         f"Variance of directions: {how}. Speed: {speed:g} body lengths/s, as given.",
     ]
     return replace(
         photo,
         fps=FPS,
         fields=long,
-        sightings=None,  # heads are unknown: measures of headings would be random
+        sightings=None if photo.sightings is None else _lying(photo.sightings, speed, frames),
         speed=SpeedEvidence(mean=speed, deviation=SPREAD * speed),
         camera=camera,
         notes=notes,
     )
+
+
+def _lying(seen: Sightings, speed, frames) -> Sightings:
+    """The bodies of a photograph in so many frames, with heads as a herd may have them.
+
+    Bodies that lie alike head alike; where they lie at random, heads are on either side.
+    """
+    angle = np.arctan2(seen.forward[:, 1], seen.forward[:, 0])
+    mean = np.exp(2j * angle).mean() if len(angle) else 0j
+    ahead = np.array([np.cos(np.angle(mean) / 2), np.sin(np.angle(mean) / 2)])
+    backwards = np.random.default_rng(len(angle)).random(len(angle)) > 0.5 * (1.0 + abs(mean))
+    forward = seen.forward * np.where((seen.forward @ ahead < 0) != backwards, -1.0, 1.0)[:, None]
+    n, many = len(angle), frames * len(angle)
+    return Sightings(
+        np.arange(frames + 1) * n, np.tile(seen.xy, (frames, 1)), np.tile(forward, (frames, 1)),
+        np.full(many, float(speed)), np.full(many, np.nan), np.full(many, -1),
+    )  # fmt: skip
 
 
 def angular_variance(photo: Evidence) -> tuple[np.ndarray, bool]:

@@ -32,7 +32,7 @@ import numpy as np
 from flockbrush.engine.fingerprint import build_of
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.evolution import Evolution
-from flockbrush.learning.herd_views import told_apart
+from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.interaction import idle_ones
 from flockbrush.learning.learned_parameters import Attempt, Learned
@@ -67,7 +67,7 @@ ALWAYS = 100  # animals whose work a tick costs besides
 GENERATION = 8  # candidates
 REFINED = 2
 CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
-FINALISTS = 4
+FINALISTS, QUICK_FINALISTS = 4, 3
 KEEPERS = 3  # candidates, re-run for 20 s to test stability
 KEEPING = 0.2  # of the choice
 LEAST_WANDER = 0.05  # rad/√s, that animals may always wander by
@@ -157,6 +157,7 @@ class _Search:
 
     def __init__(self, given, settings, say):
         self.given, self.seed, self.say = given, settings.seed, say
+        self.quick = settings.quick
         self.attempts: list[Attempt] = []
         self.deviation: dict[int, np.ndarray] = {}
         self.correlation: dict[int, np.ndarray] = {}
@@ -200,20 +201,26 @@ class _Search:
         self._choose(workers)
 
     def _descend(self, workers):
-        count = len(self.begins)
         tasks = [
             {"theta": theta.tolist(), "extras": extras, "seed": _seed(self.seed, 1, k)}
             for k, (_, theta, extras) in enumerate(self.begins)
         ]
+        random = [name.startswith("random") for name, _, _ in self.begins]
+        fits = np.array(random) if self.quick and any(random) else np.ones(len(random), bool)
+        count = int(fits.sum())
         self.say(0, count, np.nan, "descents")
-        results = workers.map(descend, tasks, lambda done: self.say(done, count, np.nan, "descents"))
-        fitted = []
-        for (name, theta, extras), task, found in zip(self.begins, tasks, results, strict=True):
-            if not name.startswith("random"):  # as it is, too
+        chosen = [task for task, fit in zip(tasks, fits, strict=True) if fit]
+        results = iter(workers.map(descend, chosen, lambda done: self.say(done, count, np.nan, "descents")))
+        fitted, found_of = [], {}
+        for k, ((name, theta, extras), task) in enumerate(zip(self.begins, tasks, strict=True)):
+            if not random[k]:  # as it is, too
                 self._add(Attempt(name, task["seed"], theta, theta, extras))
                 name += ", fitted"
-            fitted.append(self._add_found(Attempt(name, task["seed"], theta, theta, extras), found))
-        turned = [k for k, found in zip(fitted, results, strict=True) if "wander" in found]
+            if fits[k]:
+                found = next(results)
+                fitted.append(self._add_found(Attempt(name, task["seed"], theta, theta, extras), found))
+                found_of[fitted[-1]] = found
+        turned = [k for k, found in found_of.items() if "wander" in found]
         if turned:
             self._limit(workers, turned)
 
@@ -224,10 +231,11 @@ class _Search:
             best[self.attempts[k].extras["neighbour_range"]] = self.attempts[k]
         least = min(a.loss[-1] for a in best.values())
         best = {sight: a for sight, a in best.items() if a.loss[-1] < least + CLEARLY}
+        limits = (10.0, *turn_limits(self.given.seen)[:: 2 if self.quick else 1])
         tasks = [
             {"theta": a.theta.tolist(), "extras": a.extras | {"max_turn": limit}, "seed": a.seed}
             for a in best.values()
-            for limit in (10.0, *turn_limits(self.given.seen))
+            for limit in limits
         ]
         found = workers.map(descend, tasks)
         order = sorted(range(len(tasks)), key=lambda k: found[k]["loss"][-1])
@@ -313,7 +321,9 @@ class _Search:
     def _evolve(self, workers):
         """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
         parents = self.ranked[:2]
-        choice = self.cost * 2 * 3 * (FINALISTS + 2 * len(parents)) + self.cost_of_keeping * KEEPERS
+        finalists, dt = self._finals
+        staying = 0.0 if self.quick else self.cost_of_keeping * KEEPERS
+        choice = self.cost * 2 * 3 * (finalists + 2 * len(parents)) * DT / dt + staying
         work = self.cost * GENERATION * DT / COARSE_DT * len(parents)
         generations = int((self.budget - choice) / work)
         for number, parent in enumerate(parents):
@@ -345,17 +355,24 @@ class _Search:
             curve = np.array(worths)
             self._add(Attempt(f"{begin.name}, {text}", begin.seed, begin.first_theta, np.array(theta), extras, curve))
 
+    @property
+    def _finals(self):
+        """(how many of those that are not evolved come into the choice, s to a tick there)."""
+        return (QUICK_FINALISTS, COARSE_DT) if self.quick else (FINALISTS, DT)
+
     def _choose(self, workers):
         """The best on what was held back, of the ranked and the evolved."""
         evolved = [k for k, a in enumerate(self.attempts) if ", evolved" in a.name]
-        final = [*self.ranked[:FINALISTS], *self._interacting(workers, evolved)]
+        finalists, dt = self._finals
+        final = [*self.ranked[:finalists], *self._interacting(workers, evolved)]
         seeds = [_seed(self.seed, 5, k) for k in range(3)]
-        shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)), DT)
-        held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)), DT)
+        shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)), dt)
+        held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)), dt)
         scores = {k: float(np.sqrt(0.5 * a**2 + 0.5 * b**2)) for k, a, b in zip(final, shown, held, strict=True)}
         for k in final:
             self.attempts[k].score = scores[k]
-        self.final = self._keepers(workers, sorted(final, key=lambda k: scores[k])[:KEEPERS])
+        best = sorted(final, key=lambda k: scores[k])
+        self.final = best if self.quick else self._keepers(workers, best[:KEEPERS])
 
     def _interacting(self, workers, which):
         """Those that answer to their neighbours, where the clip shows that its animals do."""
@@ -428,7 +445,7 @@ class _Search:
 
     def _notes(self, best):
         notes = [note for clip in self.given.clips for note in clip.notes]
-        how = "turns of single animals" if all(told_apart(c) for c in self.given.clips) else "fields alone"
+        how = "turns of single animals" if all(followed(c) for c in self.given.clips) else "fields alone"
         notes.append(
             f"learned from {how}; chosen start: {best.name}, {best.score:.2f} standard deviations of the clip away"
         )

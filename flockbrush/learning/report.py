@@ -16,16 +16,16 @@ from flockbrush.learning.ablation import PARTS
 from flockbrush.learning.comparison import ERRORS, TITLES
 from flockbrush.learning.confounding import estimates_of
 from flockbrush.learning.group_size_test import SECONDS
+from flockbrush.learning.html_page import ReportPage
 from flockbrush.learning.learned_brush import sentence
 from flockbrush.learning.learning_charts import ORDER, is_told, panels_of
 from flockbrush.learning.model_choice import add_models
 from flockbrush.learning.model_choice import as_json as models_as_json
-from flockbrush.learning.page import ReportPage
 from flockbrush.learning.report_judgement import add_judgement, judgement_as_json
 from flockbrush.learning.report_parameters import add_parameters
 from flockbrush.learning.result import KEPT, Findings
 from flockbrush.learning.side_by_side import halves_of
-from flockbrush.output.figures import CurveChart, figure_of, pixels_of
+from flockbrush.output.figures import ChartPanel, CurveChart, figure_of, pixels_of
 from flockbrush.render import write_png
 from flockbrush.render.style import theme_of
 from flockbrush.runs.terminal import finite, measure, number
@@ -76,13 +76,16 @@ def write_report(findings: Findings, folder) -> list[Path]:
         The page first.
     """
     folder = Path(folder)
-    panels = panels_of(findings)
+    charts = {
+        name: [(panel, pixels_of(figure_of([panel], theme=ON_PAGE))) for panel in panels]
+        for name, panels in panels_of(findings).items()
+    }
     pictures = {f"moment-{k + 1}": image for k, image in enumerate(findings.moments)}
-    pictures |= {name: pixels_of(figure_of(some, columns=2, theme=ON_PAGE)) for name, some in panels.items()}
+    pictures |= {name: _sheet([drawing for _, drawing in some]) for name, some in charts.items()}
     for name in {*OWN, *(f"moment-{k}" for k in range(1, 10))} - pictures.keys():  # of a report that was here before
         (folder / f"{name}.png").unlink(missing_ok=True)
     written = [folder / "report.html"]
-    write_text(written[0], page_of(findings, panels).text())
+    write_text(written[0], page_of(findings, charts).text())
     for name, image in pictures.items():
         written.append(folder / f"{name}.png")
         with whole(written[-1]) as temporary:
@@ -90,6 +93,18 @@ def write_report(findings: Findings, folder) -> list[Path]:
     written.append(folder / "figures.json")
     write_text(written[-1], json.dumps(finite(as_json(findings)), indent=1, ensure_ascii=False) + "\n")
     return written
+
+
+def _sheet(drawings):
+    """Drawings of one width on a sheet, two beside one another, (h, w, 3)."""
+    rows = [drawings[k : k + 2] for k in range(0, len(drawings), 2)]
+    heights, wide = [max(len(one) for one in row) for row in rows], drawings[0].shape[1]
+    sheet = np.empty((sum(heights), wide * min(2, len(drawings)), 3), np.uint8)
+    sheet[:] = ON_PAGE.paper
+    for row, top in zip(rows, np.cumsum([0, *heights]), strict=False):
+        for k, one in enumerate(row):
+            sheet[top : top + len(one), k * wide : (k + 1) * wide] = one
+    return sheet
 
 
 def as_json(findings: Findings) -> dict:
@@ -132,8 +147,8 @@ def as_json(findings: Findings) -> dict:
 # the page -----------------------------------------------------------------------------------
 
 
-def page_of(findings: Findings, panels: dict[str, list]) -> ReportPage:
-    """The report as a page; ``panels`` as `panels_of` gives them."""
+def page_of(findings: Findings, charts: dict[str, list[tuple[ChartPanel, np.ndarray]]]) -> ReportPage:
+    """The report as a page; ``charts`` are the panels of `panels_of`, each with its drawing."""
     page = ReportPage(f"{findings.brush.name}: a brush learned from {Path(findings.whole.name).name}")
     page.say(findings.verdict(), "lead")
     page.checks(findings.checks())
@@ -141,11 +156,11 @@ def page_of(findings: Findings, panels: dict[str, list]) -> ReportPage:
     page.contents()
     _moments(page, findings)
     if findings.comparison is not None:
-        _compared(page, findings, panels)
+        _compared(page, findings, charts)
     add_judgement(page, findings.judgement)
     add_models(page, findings.models)
-    add_parameters(page, findings, lambda: _show(page, panels, "parameters"))
-    _searched(page, findings, panels)
+    add_parameters(page, findings, lambda: _show(page, charts, "parameters"))
+    _searched(page, findings, charts)
     _counts(page, findings)
     _ablations(page, findings)
     _seen(page, findings)
@@ -167,12 +182,9 @@ def _moments(page, findings):
         page.pictures(list(told), words, photograph=True)
 
 
-def _show(page, panels, name, more=""):
-    if name in panels:
-        drawings = [
-            (pixels_of(figure_of([panel], theme=ON_PAGE)), f"{panel.title}. {_lines_in(panel)}".strip())
-            for panel in panels[name]
-        ]
+def _show(page, charts, name, more=""):
+    if name in charts:
+        drawings = [(drawing, f"{panel.title}. {_lines_in(panel)}".strip()) for panel, drawing in charts[name]]
         page.pictures(drawings, f"{WORDS[name]} {more}".strip(), SCALE)
 
 
@@ -192,7 +204,7 @@ def _lines_in(panel):
     return f"Mean: {told}." if told else ""
 
 
-def _compared(page, findings, panels):
+def _compared(page, findings, charts):
     comparison = findings.comparison
     page.head(
         "Comparison on the held-out frames" if findings.held is not None
@@ -201,10 +213,10 @@ def _compared(page, findings, panels):
     page.say(_frames_compared(findings))
     _measures(page, findings)
     page.say(_explained(findings), "small")
-    _show(page, panels, "order", _untold(findings))
+    _show(page, charts, "order", _untold(findings))
     _errors(page, comparison)
     for name in ("errors", "crowd", "neighbours"):
-        _show(page, panels, name)
+        _show(page, charts, name)
 
 
 def _measures(page, findings):
@@ -281,14 +293,14 @@ def _n(value, digits=3):
     return measure(float(value), digits)
 
 
-def _searched(page, findings, panels):
+def _searched(page, findings, charts):
     learned = findings.learned
     if not learned.starts:
         return
     page.head("The search")
     chosen = learned.starts[learned.chosen]
     bare = f"The chosen start, {chosen.name}, has no curve: it was used without a search."
-    _show(page, panels, "loss", "" if len(chosen.loss) else bare)
+    _show(page, charts, "loss", "" if len(chosen.loss) else bare)
     shown = sorted((a for a in learned.starts if np.isfinite(a.score)), key=lambda a: a.score)[:SEARCHED] or [chosen]
     rows = [[a.name, len(a.loss), _n(a.score, 2)] for a in shown]
     page.table(["start", "steps", "distance to the clip"], rows, chief=[k for k, a in enumerate(shown) if a is chosen])

@@ -22,11 +22,12 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.behaviours.models.herd import Params
+from flockbrush.film.missing_animals import trust
 from flockbrush.film.observations import Evidence, Sightings
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, BatteryRow, seen_run
 from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.rollout import Run, theta_of
-from flockbrush.learning.turns import predicted, residuals, trust, turns_of
+from flockbrush.learning.turns import predicted, residuals, turns_of
 
 RESPONSE, SCATTER = "response to neighbours", "scatter of turns"
 FORCES = 9  # of the numbers of theta: without those of obstacles

@@ -16,10 +16,11 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
+from scipy.spatial import cKDTree
 
 from flockbrush.engine.maths import atan2_
 from flockbrush.film.observations import Evidence, Fields
@@ -39,8 +40,10 @@ SHARES = ("polarization", "milling", "milling in the picture", "order nearby", "
 LENGTHS = ("aspect", "spread", "density", "nearest neighbour", "speed")
 MEASURES = SHARES + LENGTHS
 LYING = 270.0  # degrees², of the directions of a photograph: a tenth of chance
-COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0}  # weights; 1 for the others
+# weights; 1 for the others
+COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0, "spacing": 3.0}
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
+SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
 KNOWN = 0.5  # of its moments a measure must be told in to count
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
@@ -74,7 +77,7 @@ def _measures(view, rows):
     of_known = share * known / max((share * known).sum(), 1e-12)
     mean = of_known @ heading
     centre = share @ xy
-    nearest, order, part = _neighbours(xy, heading, share, known, view)
+    nearest, order, part = _neighbours(xy, heading, share, known, view, view.trust[rows])
     fine = np.isfinite(speed)
     return {
         "polarization": float(np.hypot(*mean)) if known.any() else np.nan,
@@ -84,7 +87,7 @@ def _measures(view, rows):
         "largest part": part,
         "aspect": _aspect(xy - centre, mean, share),
         "spread": float(np.sqrt(share @ ((xy - centre) ** 2).sum(1))),
-        "density": _crowding(view, xy, weight),
+        "density": _crowding(view, xy, weight, view.trust[rows]),
         "nearest neighbour": nearest,
         "speed": float(share[fine] @ speed[fine] / share[fine].sum()) if fine.any() else np.nan,
     }
@@ -113,26 +116,27 @@ def _extent(values, share):
     return float(values[order[min(high, len(order) - 1)]] - values[order[low]])
 
 
-def _crowding(view, xy, weight):
+def _crowding(view, xy, weight, trust):
     """Animals per BL² about an animal: on cells of at least two BL."""
     side = 2.0 if view.single else max(1, round(2.0 / view.cell)) * view.cell
     at = np.floor((xy - view.middle) / side).astype(np.int64)
     at -= at.min(0)
-    number = np.bincount(at[:, 0] * (at[:, 1].max() + 1) + at[:, 1], weight)
-    return float((number**2).sum() / number.sum() / side**2)
+    cell = at[:, 0] * (at[:, 1].max() + 1) + at[:, 1]
+    number, trusted = np.bincount(cell, weight), np.bincount(cell, weight * trust)
+    return float((number * trusted).sum() / trusted.sum() / side**2)
 
 
-def _neighbours(xy, heading, share, known, view):
+def _neighbours(xy, heading, share, known, view, trust):
     """Mean distance to the nearest neighbour, order nearby, and the share of the largest part."""
     reach, link = (NEAR, LINK) if view.single else (1.5 * view.cell, max(LINK, 1.5 * view.cell))
     if len(xy) < 2:
         return np.nan, np.nan, 1.0
-    nearest, order, part = _neighbour_kernel(np.ascontiguousarray(xy), heading, share, known, reach, link)
+    nearest, order, part = _neighbour_kernel(np.ascontiguousarray(xy), heading, share, known, trust, reach, link)
     return nearest if view.single else np.nan, order, part
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _neighbour_kernel(xy, heading, share, known, reach, link):
+def _neighbour_kernel(xy, heading, share, known, trust, reach, link):
     """All pairs once: who is nearest, whose headings agree within reach, who belongs together by links."""
     n = len(xy)
     least, root = np.full(n, np.inf), np.arange(n)
@@ -161,7 +165,7 @@ def _neighbour_kernel(xy, heading, share, known, reach, link):
         while root[a] != a:
             a = root[a]
         parts[a] += share[i]
-    return np.sqrt(least).mean(), agree / weight if weight > 0.0 else np.nan, parts.max()
+    return (trust * np.sqrt(least)).sum() / trust.sum(), agree / weight if weight > 0.0 else np.nan, parts.max()
 
 
 def neighbour_map(view: HerdView, reach=REACH, rings=8, sectors=8, every=4):
@@ -173,16 +177,17 @@ def neighbour_map(view: HerdView, reach=REACH, rings=8, sectors=8, every=4):
     number, animals = np.zeros((rings, sectors)), 0.0
     for t in range(0, len(view), every):
         rows = view.of(t)
-        _count_neighbours(view.xy[rows], view.heading[rows], view.weight[rows], reach, number)
-        animals += view.weight[rows].sum()
+        weight, counts = view.weight[rows], view.weight[rows] * view.trust[rows]
+        _count_neighbours(view.xy[rows], view.heading[rows], weight, counts, reach, number)
+        animals += counts.sum()
     radius = np.linspace(0, reach, rings + 1)
     area = np.pi * (radius[1:] ** 2 - radius[:-1] ** 2) / sectors
     return number / max(animals, 1e-12) / area[:, None]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _count_neighbours(xy, heading, weight, reach, number):
-    """Add every pair within reach to (rings, sectors), as each of the two sees the other."""
+def _count_neighbours(xy, heading, weight, counts, reach, number):
+    """Add every pair within reach to (rings, sectors), as each of the two, who counts so much, sees the other."""
     rings, sectors = number.shape
     for i in range(len(xy)):
         for j in range(i + 1, len(xy)):
@@ -190,9 +195,9 @@ def _count_neighbours(xy, heading, weight, reach, number):
             far = np.sqrt(x * x + y * y)
             if far > reach:
                 continue
-            ring, both = min(int(far / reach * rings), rings - 1), weight[i] * weight[j]
-            number[ring, _sector(heading[i, 0], heading[i, 1], x, y, sectors)] += both
-            number[ring, _sector(heading[j, 0], heading[j, 1], -x, -y, sectors)] += both
+            ring = min(int(far / reach * rings), rings - 1)
+            number[ring, _sector(heading[i, 0], heading[i, 1], x, y, sectors)] += counts[i] * weight[j]
+            number[ring, _sector(heading[j, 0], heading[j, 1], -x, -y, sectors)] += counts[j] * weight[i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -267,6 +272,9 @@ class ClipTarget:
     end: dict[str, float]  # what should last; where a measure still changes, what it comes to
     end_scale: dict[str, float]  # and how far from there it may well go
     directions: float = np.nan  # degrees², of a photograph, where order is not to be seen by motion
+    # (9,) BL, deciles of the distances to the nearest neighbour in a photograph; NaN of a film
+    spacing: np.ndarray = field(default_factory=lambda: np.full(9, np.nan))
+    headed: bool = True  # whether headings are known
 
     @classmethod
     def of(cls, evidence: Evidence, every=None, single=None):
@@ -287,8 +295,10 @@ class ClipTarget:
                 mean[name] = np.nan
         ends = {name: _in_the_end(over_time[name], mean[name], scale[name]) for name in LASTING}
         end, end_scale = ({name: pair[k] for name, pair in ends.items()} for k in (0, 1))
-        around = neighbour_map(view)
-        return cls(over_time, mean, scale, around, every, single, end, end_scale, _directions(evidence.fields))
+        around, headed = neighbour_map(view), evidence.fields.tells_motion
+        spacing = spacings([view.xy[view.of(0)]] if single and not headed else [])
+        directions = _directions(evidence.fields)
+        return cls(over_time, mean, scale, around, every, single, end, end_scale, directions, spacing, headed)
 
 
 def _in_the_end(values, mean, scale):
@@ -303,6 +313,12 @@ def _in_the_end(values, mean, scale):
         return mean, scale
     share = change**2 / (change**2 + scale**2)
     return mean + share * (last - mean), float(np.hypot(scale, share * change))
+
+
+def spacings(looks) -> np.ndarray:
+    """(9,) deciles of the distances to the nearest neighbour of animals at (n, 2) BL at some moments; NaN of none."""
+    far = [cKDTree(xy).query(xy, k=2)[0][:, 1] for xy in looks if len(xy) > 1]
+    return np.quantile(np.concatenate(far), np.arange(1, 10) / 10) if far else np.full(9, np.nan)
 
 
 def _directions(fields):
@@ -343,8 +359,14 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
         looks = [run.of(t) for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
         lie = _mean(np.array([mean_variance(evidence.fields, run.xy[r], run.forward[r]) for r in looks]))
         out["directions"] = float(np.nan_to_num(min(abs(lie - target.directions) / LYING, FARTHEST), nan=FARTHEST))
-    around = neighbour_map(view, every=max(4, len(run) // LOOKS))
-    out["neighbours"] = min(map_error(around, target.map) / (2 * FLOOR), FARTHEST)
+    if np.isfinite(target.spacing).all():
+        looks = [view.xy[view.of(t)] for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
+        off = np.abs(np.log(np.maximum(spacings(looks), 1e-3) / np.maximum(target.spacing, 1e-3)))
+        out["spacing"] = float(np.nan_to_num(min(off.mean() / SPACING, FARTHEST), nan=FARTHEST))
+    around, theirs = neighbour_map(view, every=max(4, len(run) // LOOKS)), target.map
+    if not target.headed:  # then only how far neighbours are is known, and not where
+        around, theirs = around.mean(1, keepdims=True), theirs.mean(1, keepdims=True)
+    out["neighbours"] = min(map_error(around, theirs) / (2 * FLOOR), FARTHEST)
     return out
 
 

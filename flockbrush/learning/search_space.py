@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.behaviours.brush import shipped
-from flockbrush.learning.herd_views import told_apart
+from flockbrush.learning.herd_views import followed
 from flockbrush.learning.rollout import LEAST, params_of, theta_of
 from flockbrush.learning.trials import SIGHTS
 
@@ -26,7 +26,7 @@ def stronger(theta, extras):
 
 def turn_limits(clips):
     """rad/s: how fast all but a few turns are, from `LIMITS`."""
-    seen = [np.abs(clip.sightings.turn) for clip in clips if told_apart(clip)]
+    seen = [np.abs(clip.sightings.turn) for clip in clips if followed(clip)]
     turns = np.concatenate(seen) if seen else np.zeros(0)
     turns = turns[np.isfinite(turns)]
     return [float(np.clip(q, 0.5, 20.0)) for q in np.quantile(turns, LIMITS)] if len(turns) > 100 else []

@@ -15,14 +15,14 @@ from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.confounding import correlation_of
-from flockbrush.learning.herd_views import told_apart
+from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import resized, start_of
 from flockbrush.learning.interaction import interaction_of
 from flockbrush.learning.rollout import DT, Surroundings, params_of, rollout, theta_of
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
-WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part", "neighbours")
+WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part", "neighbours", "spacing")
 WHERE_ORDER_COUNTS = ("order nearby", "directions")
 FEWEST = 24  # frames, with fewer nothing is held back
 BEGINS = 0.0, 0.25, 0.5  # of the frames that are used, at which trials begin
@@ -63,6 +63,9 @@ class SearchSettings:
         Names, numbers and other parameters to begin with, instead of random ones and the shipped brushes.
     device : str
         Of descents on fields alone, which need torch: "cpu", "cuda", or "auto" for a graphics card where there is one.
+    quick : bool
+        Only the random starts are fitted and fewer candidates tried, all with coarse ticks; nobody asks whether they
+        stay what they are.
     """
 
     seed: int = 0
@@ -75,6 +78,7 @@ class SearchSettings:
     brushes: bool = True
     begins: Sequence[tuple] | None = None
     device: str = "auto"
+    quick: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,7 +111,7 @@ _known: dict[tuple, tuple] = {}
 
 def descend(given: Setting, theta, extras, seed, rows=FEW, span=SPANS[1]):
     """One descent: {theta, extras, loss}; and of turns also how sure they are."""
-    if all(told_apart(clip) for clip in given.seen):
+    if all(followed(clip) for clip in given.seen):
         found = _descend_on_turns(given, np.array(theta), dict(extras), rows, span)
         if found is not None:
             return found
@@ -143,7 +147,7 @@ def certainty(given: Setting, theta, extras) -> tuple[np.ndarray, np.ndarray] | 
     """(deviation (12,), correlation (12, 12)) of the given numbers, from the turns; None without turns."""
     from flockbrush.learning.turns import fit_turns, thinned
 
-    if not all(told_apart(clip) for clip in given.seen):
+    if not all(followed(clip) for clip in given.seen):
         return None
     turns = _turns(given, extras, SPANS[1])
     if turns is None or not len(turns.ticks):
@@ -154,7 +158,7 @@ def certainty(given: Setting, theta, extras) -> tuple[np.ndarray, np.ndarray] | 
 
 def interaction(given: Setting, theta, extras):
     """The part of the turns that forces with these numbers explain: an `Interaction` as dict; {} without turns."""
-    if not all(told_apart(clip) for clip in given.seen):
+    if not all(followed(clip) for clip in given.seen):
         return {}
     turns = _turns(given, extras, SPANS[1])
     if turns is None or not len(turns.rows):

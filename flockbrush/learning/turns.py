@@ -23,6 +23,7 @@ import numpy as np
 
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.engine.parallel import over_rows
+from flockbrush.film.missing_animals import trust
 from flockbrush.learning.perceive import Percept, half_and_radius, perceive, together
 from flockbrush.learning.rollout import BODY, DT, LEAST, MOST, VISION, Walls, theta_of
 from flockbrush.learning.turn_kernels import TurnLaw, is_inside, room_kernel, turn_kernel
@@ -31,7 +32,6 @@ FREEDOM = 4.0  # degrees of freedom of Student's t: the usual choice between rob
 SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
 SPAN = 0.1  # s over which a turn is observed where frames are closer.  By trial: see docs/learning.md
 STILL = 1e-6  # rad
-UNSEEN = 0.1  # share of neighbours missing at which a turn counts half.  By trial: tests/behaviours/learning
 PAIRS = 1_500_000  # visible neighbours that are looked at in a step, at most; of more frames every second or third
 
 
@@ -131,11 +131,6 @@ def _evenly(frames):
 def _look(seen, t, body, vision, walls, params):
     rows = seen.of(t)
     return perceive(seen.xy[rows], seen.forward[rows], body, vision, params, walls=walls)
-
-
-def trust(neighbours_seen):
-    """Weight of a turn by the share of the neighbours that are seen: missing ones make it vary more."""
-    return 1.0 / (1.0 + ((1.0 - neighbours_seen) / UNSEEN) ** 2)
 
 
 def _at_liberty(percept, rows, turn, half, radius, enough=40.0):

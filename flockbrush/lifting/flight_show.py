@@ -36,9 +36,6 @@ class Wanted:
 
     wish: LiftWish = field(default_factory=LiftWish)
     method: str = "smooth"  # {"smooth", "cobyla"}
-    # near, far: metres
-    near: float = 1.0
-    far: float = 1000.0
 
 
 class Show:
@@ -99,7 +96,7 @@ class Show:
             flight = lift_sight(sight, camera)
         except LiftError as error:
             raise refused(name, str(error)) from None
-        return cls(flight, name, camera, tracks, sight, Wanted(near=camera.near, far=camera.far), span)
+        return cls(flight, name, camera, tracks, sight, span=span)
 
     def __len__(self):
         return len(self.flight.xyz)
@@ -127,15 +124,10 @@ class Show:
         """
         if self.camera is None or self.sight is None:
             raise refused(self.name, "cannot be lifted again without its tracks and camera")
-        if not 0 < wanted.near < wanted.far:
-            raise refused(
-                self.name, f"near must be above 0 and less than far, got {wanted.near:g} and {wanted.far:g} m"
-            )
-        camera = self.camera.model_copy(update={"near": wanted.near, "far": wanted.far})
         try:
             if wanted.method == "cobyla":
-                return lift_by_thesis(self.tracks, camera, wanted.wish)
-            return lift_sight(self.sight, camera, wanted.wish, GLANCE if glance else 1)
+                return lift_by_thesis(self.tracks, self.camera, wanted.wish)
+            return lift_sight(self.sight, self.camera, wanted.wish, GLANCE if glance else 1)
         except LiftError as error:
             raise refused(self.name, str(error)) from None
 
@@ -438,6 +430,6 @@ class Solver:
 
 
 def with_wish(wanted: Wanted, **changes) -> Wanted:
-    """The same with other weights, bounds or method."""
-    own = {name: changes.pop(name) for name in ("method", "near", "far") if name in changes}
-    return replace(wanted, wish=replace(wanted.wish, **changes), **own)
+    """The same with other weights or another method."""
+    method = changes.pop("method", wanted.method)
+    return replace(wanted, wish=replace(wanted.wish, **changes), method=method)

@@ -17,6 +17,8 @@ def herd_of(simulation, moment: Moment):
     """The animals of a moment as the painter wants them."""
     from flockbrush.render.drawn_herd import DrawnHerd
     from flockbrush.render.gaits import gaits_of, in_flight, wings_of
+    from flockbrush.render.kept import kept
+    from flockbrush.render.leader_marks import LeaderMarks
     from flockbrush.render.mesh_bodies import Postures
     from flockbrush.render.wakes import wakes_of
     from flockbrush.systems.palette import Palette
@@ -30,7 +32,7 @@ def herd_of(simulation, moment: Moment):
         forward=moment.forward,
         length=moment.length,
         radius=moment.radius,
-        leader=_marked(moment),
+        leader=kept(LeaderMarks, simulation).of(moment),
         brush=moment.brush,
         species=moment.species,
         brush_colours=tuple(brush.colour for brush in palette.brushes),
@@ -43,13 +45,6 @@ def herd_of(simulation, moment: Moment):
         postures=Postures(gaits.limbs().look[moment.species], clip, phase),
         wakes=wakes_of(simulation, moment, clip, flying),
     )
-
-
-def _marked(moment):
-    """(n,) bool: leaders among animals of a brush that mostly follow; a mark of nearly all would mark nobody."""
-    kind = moment.brush + 1
-    leading = np.bincount(kind, moment.leader)
-    return moment.leader & (2 * leading <= np.bincount(kind))[kind]
 
 
 def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, elevation=None, clean=False, dust=True):

@@ -6,11 +6,11 @@ The phase grows with the way gone, so that feet stand where they stand; wing bea
 from __future__ import annotations
 
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from flockbrush.render.animal_looks import BEAT_ANGLE, CLIPS, GLIDING, LOOKS, mesh_of
+from flockbrush.render.kept import kept
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.palette import Palette
 
@@ -130,11 +130,6 @@ class Gaits:
         clip[rows & (climb < SINKING)] = GLIDE
 
 
-_KEPT: WeakKeyDictionary = WeakKeyDictionary()
-
-
 def gaits_of(simulation) -> Gaits:
     """The gaits of a run that all its pictures share: one film shows the steps that another shows."""
-    if simulation not in _KEPT:
-        _KEPT[simulation] = Gaits(simulation)
-    return _KEPT[simulation]
+    return kept(Gaits, simulation)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.components import Body, Destination, Position
+from flockbrush.components import Body, Destination, Position, Species
 from flockbrush.render.asked_about import AskedAbout
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_ground import Sketcher, placed
@@ -35,6 +35,7 @@ from flockbrush.render.strokes import (
 from flockbrush.render.style import mix, rgb, scale_colours, theme_of
 from flockbrush.render.text import words
 from flockbrush.render.walkable_overlay import walkable_layer
+from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Sight
@@ -239,9 +240,11 @@ class Overlays:
 
     def _ways(self):
         """(navigation, goal) of the field that most animals follow."""
-        goals = self.world.agents[Destination.goal]
-        count = np.bincount(goals + 1) if len(goals) else np.zeros(1, int)
-        return self.scenery.land.navigation, int(np.argmax(count)) - 1
+        agents, land = self.world.agents, self.scenery.land
+        steepest = self.world.resource(SpeciesList).table.steepest
+        ways = land.ways_for(steepest, agents[Species.index], agents[Destination.goal])
+        count = np.bincount(ways + 1) if len(ways) else np.zeros(1, int)
+        return land.navigation, int(np.argmax(count)) - 1
 
     def _way_layer(self, camera, made_of):
         lines = self._arrows(camera, *made_of)
@@ -266,7 +269,7 @@ class Overlays:
             return []
         ny, nx = land.brush.shape
         iy, ix = (np.minimum((xy[:, k] / land.cell).astype(int), n - 1) for k, n in ((1, ny), (0, nx)))
-        way = navigation.at(xy, goal if goal < len(navigation.times) else -1) * (1, -1)
+        way = navigation.at(xy, goal if goal < len(navigation.fields) - 1 else -1) * (1, -1)
         strength = np.hypot(*way.T)
         kept = (strength > 0.02) & ~land.blocked[iy, ix]
         at, strength = at[kept], strength[kept]

@@ -26,6 +26,7 @@ from flockbrush.render.hud import Hud, Layout
 from flockbrush.render.mesh_bodies import MOST, NO_LOOK, large, meshes
 from flockbrush.render.orbit import OrbitCamera, box_corners
 from flockbrush.render.painter import brush_rgb, brushes_in_sight, copied
+from flockbrush.render.see_through import opacities
 from flockbrush.render.shapes import FrameBuffer, bilinear, ink_of
 from flockbrush.render.solid_meshes import stood_up, together
 from flockbrush.render.space_marks import SpaceMarks
@@ -73,9 +74,11 @@ class SpacePainter:
     ----------
     dust : bool
         As of `Painter`.
+    see_through : bool
+        Whether obstacles before what the camera looks at are drawn clear: for a view that follows animals.
     """
 
-    dust = True
+    dust, see_through = True, False
 
     def __init__(
         self, level=None, size=(1280, 720), theme="light", brushes=None, trails=TRAILS, words=True, shadows=True,
@@ -153,6 +156,7 @@ class SpacePainter:
         target = (np.asarray(self.camera.target) + step) * (1 - share) + np.asarray(wanted.target) * share
         distance = self.camera.distance ** (1 - share) * wanted.distance**share
         self.look(replace(wanted, distance=float(distance)).at(*target))
+        self.see_through = True
 
     # what lies there -----------------------------------------------------------------
 
@@ -210,12 +214,13 @@ class SpacePainter:
         return np.array([bilinear(heights, 0, 0, np.array([x]), np.array([y]))[0, 0] for x, y in at], float)
 
     def faces(self, tall):
-        """(faces, colours, lid colours) of the obstacles; those without a told height are `tall` m high."""
+        """(faces, colours, obstacle of each) of the obstacles; those without a told height are `tall` m high."""
         obstacles = list(getattr(self.level, "obstacles", None) or [])
         key = (round(tall, 2), tuple(identity_of(o) for o in obstacles))
         if self._stood[0] != key:
-            faces = together(stood_up(obstacle, tall) for obstacle in obstacles)
-            self._stood = (key, (faces, faces.lit(mix(self.theme.obstacle, self.theme.paper, 0.22), SUN)))
+            parts = [stood_up(obstacle, tall) for obstacle in obstacles]
+            faces, owner = together(parts), np.repeat(np.arange(len(parts)), [len(part.alphas) for part in parts])
+            self._stood = (key, (faces, faces.lit(mix(self.theme.obstacle, self.theme.paper, 0.22), SUN), owner))
         return self._stood[1]
 
     # a frame -----------------------------------------------------------------------------
@@ -329,15 +334,16 @@ class SpacePainter:
     def _backdrop(self, herd, out, under):
         """A copy of everything that does not move, and its depths."""
         tall = max(WALL, float(np.median(herd.length)) if len(herd.xy) else 0.0)
-        faces, lit = self.faces(tall)
+        faces, lit, owner = self.faces(tall)
         if self.plan is not None and not self.live:
             for box in getattr(self.level, "changes", list)():
                 self.repaint(box)
         for painter, texture in self._pictures():
             self._take(painter, texture, under)
-        key = (self.camera, self._ground.version, self._near.version, id(faces), self.bare, id(self.backdrop))
+        how = self.bare, self.see_through, id(self.backdrop)
+        key = (self.camera, self._ground.version, self._near.version, id(faces), *how)
         if self._world[0] != key:
-            self._world = (key, *self._paint_world(faces, lit))
+            self._world = (key, *self._paint_world(faces, lit, owner))
         _, image, depth = self._world
         return copied(image, out), depth
 
@@ -355,7 +361,7 @@ class SpacePainter:
             texture.take(picture, painter.camera, self.level)
         texture.source = picture
 
-    def _paint_world(self, faces, lit):
+    def _paint_world(self, faces, lit, owner):
         theme, camera, (image, depth) = self.theme, self.camera, self._sheets
         depth[:] = 0.0
         sky, zenith = sky_of(theme)
@@ -375,8 +381,11 @@ class SpacePainter:
             x, y = self._grid_middle()
             line = np.array(mix(theme.muted, theme.ground, 0.1), float)
             draw_grid(image, clip, cam, self.floor, x, y, self.spacing, GRID * self.spacing, line, 0.75)
-        order = faces.seen(camera)
-        draw_faces(FrameBuffer(image, depth, clip), cam, faces.corners, order, lit, faces.alphas, haze)
+        order, alphas = faces.seen(camera), faces.alphas
+        if self.see_through and len(owner):
+            alphas = np.minimum(alphas, opacities(self.level.obstacles, camera)[owner])
+            order = order[np.argsort(alphas[order] < 1, kind="stable")]
+        draw_faces(FrameBuffer(image, depth, clip), cam, faces.corners, order, lit, alphas, haze)
         if not self.bare:
             self._marks(image).compass(self.spacing)
         if self.backdrop is not None:

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from flockbrush.engine.comparison import Difference, compare
 from flockbrush.engine.files import refused, whole, write_text
 from flockbrush.engine.recording import RecordingError, resume
 from flockbrush.engine.schedule import Stage
 from flockbrush.engine.state import StateError, check_beginning, column_of, parts_of, snapshot, state_hash
+from flockbrush.engine.state_comparison import Difference, compare
 from flockbrush.engine.trail import as_row, column_named, only_row, rows_in, sum_in, traces, values_of
 from flockbrush.runs.terminal import finite
 

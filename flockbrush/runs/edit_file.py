@@ -24,12 +24,14 @@ import hashlib
 import json
 import math
 import re
-from dataclasses import dataclass, field, fields
+from dataclasses import fields
 from pathlib import Path
+from typing import NamedTuple
 
 from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.levels.steps import UndoStack
 from flockbrush.runs.run_edits import ALWAYS, KINDS, Edit, Layer
 
 SUFFIX = ".edits.toml"
@@ -46,17 +48,32 @@ BOUNDS = {
 FARTHEST = 1e6  # m
 
 
-@dataclass
-class EditFile:
-    """Layers of edits of one recording."""
+class LayerEdit(NamedTuple):
+    """An edit, and the name of its layer."""
 
-    path: Path
-    sha256: str  # of the recording
-    recording: str  # its name
-    layers: list[Layer] = field(default_factory=list)  # the first applies first
-    # list of (str, Edit); layer and edit of what was taken back, the last is the next to be done again
-    undone: list[tuple[str, Edit]] = field(default_factory=list)
-    order: list[str] = field(default_factory=list)  # the layer of each edit in the order in which they were made
+    layer: str
+    edit: Edit
+
+    @property
+    def label(self):
+        """The edit in words."""
+        return sentence_of(self.edit)
+
+
+class EditFile(UndoStack):
+    """Layers of edits of one recording, with an undo stack that is kept in the file.
+
+    Parameters
+    ----------
+    path : path
+    sha256, recording : str
+        Of the recording, and its name.
+    """
+
+    def __init__(self, path, sha256, recording):
+        super().__init__()
+        self.path, self.sha256, self.recording = Path(path), sha256, recording
+        self.layers: list[Layer] = []  # the first applies first
 
     def edits(self) -> list[Edit]:
         """Edits of all layers that are on, in the order in which they apply."""
@@ -85,41 +102,38 @@ class EditFile:
         changes = [name for name in USES[edit.kind] if name not in HOW]
         if changes and all(getattr(edit, name) == getattr(Edit, name) for name in changes):
             raise ValueError(f"this changes nothing: give {' or '.join(changes)} another value")
-        self._put(edit, name)
-        self.undone = []
+        self.push(LayerEdit(name, edit))
+        self._put(name, edit)
 
     def undo(self) -> Edit | None:
         """Undo the last edit; returns it, or None."""
-        if not self.order:
+        step = self.take_back()
+        if step is None:
             return None
-        name = self.order.pop()
-        layer = self.layer(name)
+        layer = self.layer(step.layer)
         assert layer is not None
-        edit = layer.edits.pop()
-        self.undone.append((name, edit))
-        return edit
+        return layer.edits.pop()
 
     def redo(self) -> Edit | None:
         """Redo the edit that was undone last; returns it, or None."""
-        if not self.undone:
+        step = self.do_again()
+        if step is None:
             return None
-        name, edit = self.undone.pop()
-        self._put(edit, name)
-        return edit
+        self._put(*step)
+        return step.edit
 
     def remove(self, name):
         """Remove a layer with its edits, for good."""
         self.layers = [layer for layer in self.layers if layer.name != name]
-        self.order = [other for other in self.order if other != name]
-        self.undone = [(other, edit) for other, edit in self.undone if other != name]
+        self.done = [step for step in self.done if step.layer != name]
+        self.undone = [step for step in self.undone if step.layer != name]
 
-    def _put(self, edit, name):
+    def _put(self, name, edit):
         layer = self.layer(name)
         if layer is None:
             layer = Layer(name)
             self.layers.append(layer)
         layer.edits.append(edit)
-        self.order.append(name)
 
     def save(self):
         """Write the file, even if it is empty."""
@@ -170,16 +184,18 @@ def parse_edits(data: bytes, path) -> EditFile:
         told = {name: value for name, value in table.items() if name != "layer"}
         edit = _edit(toml, ("undone", k), told, problems)
         if edit is not None:
-            made.undone.append((str(table.get("layer", FIRST)), edit))
+            made.undone.append(LayerEdit(str(table.get("layer", FIRST)), edit))
     names = [layer.name for layer in made.layers]
     if len(set(names)) < len(names):
         problems.append(toml.problem(("layers",), "two layers have the same name"))
     every = [layer.name for layer in made.layers for _ in layer.edits]
-    made.order = toml.data.get("order", every)
-    if not isinstance(made.order, list) or sorted(map(str, made.order)) != sorted(every):
+    order = toml.data.get("order", every)
+    if not isinstance(order, list) or sorted(map(str, order)) != sorted(every):
         problems.append(toml.problem(("order",), "must name the layer of each edit, in the order they were made"))
     if problems:
         raise ProblemsError(problems)
+    coming = {layer.name: iter(layer.edits) for layer in made.layers}
+    made.done = [LayerEdit(name, next(coming[name])) for name in map(str, order)]
     return made
 
 
@@ -272,8 +288,8 @@ def ids_text(ids) -> str:
 
 def _text(edits: EditFile) -> str:
     lines = [f"recording = {json.dumps(edits.recording)}", f'sha256 = "{edits.sha256}"']
-    if edits.order:
-        lines.append(f"order = {json.dumps(edits.order)}")
+    if edits.done:
+        lines.append(f"order = {json.dumps([step.layer for step in edits.done])}")
     for layer in edits.layers:
         lines += ["", "[[layers]]", f"name = {json.dumps(layer.name)}", f"on = {str(layer.on).lower()}"]
         for edit in layer.edits:

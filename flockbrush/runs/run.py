@@ -24,8 +24,8 @@ from flockbrush.engine.recording import MANY, RecordedRun, Recorder, Recording, 
 from flockbrush.engine.recording_format import packed_size
 from flockbrush.engine.state import snapshot_parts
 from flockbrush.levels.build import Simulation, build
+from flockbrush.levels.checked_nodes import parsed_document
 from flockbrush.levels.libraries import brush_library, recorded_library
-from flockbrush.levels.nodes import parsed_document
 from flockbrush.levels.reader import read_level, read_level_files
 from flockbrush.runs.builds import build_of_run
 

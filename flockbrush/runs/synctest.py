@@ -6,8 +6,8 @@ What is not part of a snapshot and changes a herd all the same is found this way
 from __future__ import annotations
 
 from flockbrush.engine.commands import Commands
-from flockbrush.engine.comparison import compare
 from flockbrush.engine.state import pieces, restore, snapshot, state_hash
+from flockbrush.engine.state_comparison import compare
 from flockbrush.engine.trail import traces
 from flockbrush.runs.desync import Desync
 

@@ -12,7 +12,6 @@ from flockbrush.engine.commands import from_record
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.render.style import THEMES, theme_of
-from flockbrush.studio.dialogs import Dialog
 from flockbrush.studio.forms import Form, FormRow, blank, changed, live_commands, number, rows_of, said
 from flockbrush.studio.help import Help
 from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name
@@ -330,19 +329,20 @@ class Deeds:
         from flockbrush.systems.edits import as_command
 
         select = self.tools["select"]
-        chosen = select.thing if select.thing and select.held() is not None else None
+        held = select.held() if select.thing else None
+        chosen = (select.thing[0], held) if held is not None else None
         if chosen is None and self.tool.at is not None:
-            found = self.things_at([self.tool.at], self.tool.reach(), KINDS)
-            chosen = (found[0][0], found[0][1].id) if found else None
+            chosen = self.thing_under(self.tool.at, KINDS)
         if chosen is None:
             self.notify("first click an object (zone, goal, guide, obstacle) with the Select tool, or point at one")
             return
-        kind, number = chosen
+        kind, thing = chosen
+        number = thing.id
         if not number:
             self.notify(f"this {kind} is not an object of the level", "warning")
             return
         if kind == "key":
-            return self.ask_key(None, select.held() if chosen is select.thing else found[0][1])
+            return self.ask_key(None, thing)
         command = as_command(self.session.simulation.world, kind, number)
         spoken = SPOKEN.get(kind, kind)
         self._open_form(f"{spoken.capitalize()} {command.name!r}", command, f"change the {spoken}", kind.capitalize())
@@ -402,36 +402,18 @@ class Deeds:
 
     def ask_text(self, title, question, default, on_ok):
         """Ask for a text and call a function with it."""
-        self.open_dialog(Dialog(self, title, question, [("OK", on_ok), ("Cancel", None)], default))
+        self.ask(title, question, [("OK", on_ok), ("Cancel", None)], default)
 
-    def ask(self, title, question, answers):
-        """Ask a question with some answers (text, function or None); the first is the default."""
-        self.open_dialog(Dialog(self, title, question, answers))
-
-    def open_dialog(self, dialog):
-        """Show a dialog in place of the one that is open."""
-        self.let_go()
-        if self.dialog is not None and self.dialog.alive():
-            self.dialog.kill()
-        self.dialog = dialog
-
-    def ask_to_quit(self):
-        """Close the window; ask first if there are unsaved changes."""
-        if not self.session.dirty:
-            self.quit()
-            return
-        answers = [("Save", self._save_and_quit), ("Discard changes", self.quit), ("Cancel", None)]
-        self.ask("Quit", f"{self.level_name()} has unsaved changes.", answers)
+    @property
+    def unsaved(self):
+        """A sentence about what is not saved, "" when everything is."""
+        return f"{self.level_name()} has unsaved changes." if self.session.dirty else ""
 
     def _save_and_quit(self):
         if self.session.lent:
             self.save_as(then=self.quit)
         elif self._save(None):
             self.quit()
-
-    def quit(self):
-        """Close the window after this frame."""
-        self.running = False
 
 
 def stamp():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.brush import flies_free, shipped
 from flockbrush.render.style import palette as fallback_colours
 from flockbrush.render.style import worn
 from flockbrush.studio.hunters import hunters
@@ -45,13 +45,15 @@ class Hand:
     def _first_brush(self, names):
         """A brush that differs from what the animals do already, so that the first stroke has a visible effect.
 
-        One that binds the species of the level, if there is any.
+        One that binds the species of the level and moves through the air if most of its animals do, if there is any.
         """
         spawns = self.session.simulation.level.spawns
-        used = {spawn.brush for spawn in spawns}
+        used, present = {spawn.brush for spawn in spawns}, {spawn.species for spawn in spawns}
         danger = set(self._dangerous())
         quiet = [name for name in names if name not in danger]
-        quiet = [name for name in quiet if self._binds(name, {spawn.species for spawn in spawns})] or quiet
+        quiet = [name for name in quiet if self._binds(name, present)] or quiet
+        flying = sum(spawn.count if self._flies(spawn.brush) else -spawn.count for spawn in spawns) > 0
+        quiet = [name for name in quiet if self._flies(name) == flying] or quiet
         others = [name for name in quiet if name not in used]
         for wished in ("mill-hollow", "swarm", "mill-filled"):
             if wished in others:
@@ -65,6 +67,11 @@ class Hand:
         brush, library = self.find_brush(name), self.session.simulation.world.resource(SpeciesList).library
         known = [asset for asset in map(library.find, present) if asset is not None]
         return brush is not None and (not known or any(brush.is_made_for(one.name, one.tags) for one in known))
+
+    def _flies(self, name):
+        """Whether a brush moves animals through the air."""
+        brush = self.find_brush(name)
+        return brush is not None and flies_free(brush)
 
     # the hand ----------------------------------------------------------------------
 
@@ -313,6 +320,11 @@ class Hand:
     def things_at(self, places, reach, kinds):
         """(kind, object) at any of some points of the ground, topmost first."""
         return lookup.things_at(self.session.simulation, places, reach, kinds)
+
+    def thing_under(self, xy, kinds):
+        """(kind, object) at a point of the ground, else of the smallest area around it; None where there is none."""
+        found = self.things_at([xy], self.tool.reach(), kinds)
+        return found[0] if found else lookup.area_around(self.session.simulation, xy, kinds)
 
     def animal_at(self, xy, reach):
         """Id of the animal nearest to a point of the ground, or None; in the 3D view, of the one under the mouse."""

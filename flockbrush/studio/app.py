@@ -1,4 +1,4 @@
-"""The window of the playground: its parts, its main loop and the distribution of events."""
+"""The window of the playground: its parts, its frames and the distribution of events."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ import warnings
 
 import numpy as np
 import pygame
-import pygame_gui
-from pygame_gui.elements import UIPanel, UITextEntryBox, UITextEntryLine
+from pygame_gui.elements import UIPanel
 
-from flockbrush.render.style import theme_of
 from flockbrush.studio.actions import Deeds
 from flockbrush.studio.active_tool import Hand
 from flockbrush.studio.brush_palette import Thumbnails
@@ -22,15 +20,13 @@ from flockbrush.studio.column import Column
 from flockbrush.studio.control_keys import ControlKeys
 from flockbrush.studio.layout import places
 from flockbrush.studio.legend import Legend, ScaleBar
-from flockbrush.studio.manager import Manager
-from flockbrush.studio.settings import load_settings
-from flockbrush.studio.theme import chrome, look, scale_of
+from flockbrush.studio.theme import chrome
 from flockbrush.studio.timebar import TimeBar
-from flockbrush.studio.toasts import Toasts
 from flockbrush.studio.toolbox import Toolbox
 from flockbrush.studio.topbar import TopBar
 from flockbrush.studio.viewport import Viewport
 from flockbrush.studio.widgets import NO_MARGINS, words
+from flockbrush.studio.window import Window
 
 SLOWEST = 1 / 25  # s; a frame whose simulation would take longer lets the simulation lag instead
 LEAST = 0.008  # s of a frame that the simulation has in any case
@@ -39,10 +35,10 @@ OVERLAYS = ("trails", "shadows", "dust", "forces", "field_of_view")  # shown at 
 QUICK = 0.03  # s, while the mouse moves over them
 FRESH = 0.15  # s between two looks at labels
 DISK = 1.0  # s between two looks at the level file
-SMALLEST = (200, 120)  # pixels of a window
+KEPT = "unsaved changes are kept; flockbrush play offers to recover them when you open the level again"
 
 
-class App(Hand, Deeds, CanvasEvents):
+class App(Hand, Deeds, CanvasEvents, Window):
     """A window on a session.
 
     Parameters
@@ -73,64 +69,54 @@ class App(Hand, Deeds, CanvasEvents):
         Seconds since the window was opened.
     """
 
+    smallest = 200, 120
+
     def __init__(self, session, size=(1280, 720), theme=None, scale=None, brush=None, palette=None):
+        super().__init__(theme, palette, scale)
         self.session = session
-        self.settings, problem = load_settings()
-        self.theme = theme_of(theme or self.settings.theme or "light", palette or self.settings.palette)
-        self.wanted_scale = scale or self.settings.ui_scale
         self.overlays = self.settings.shown(OVERLAYS)
         self.selected: int | None = None
         self.memory: dict = {}
         self.seconds = {"simulation": 0.0, "drawing": 0.0, "interface": 0.0}
-        self.running, self.columns = True, True
+        self.columns = True
+        self.patience: float | None = None  # s that a frame waits for ticks; None: until they are done
         self.now = self._calm = self._fresh = self._unseen = 0.0
         self._unheard = 0.0  # s since panels were told of time
         self._disk = DISK
-        self.film = self.dialog = self.help = self.hint = None
+        self.film = self.help = self.hint = None
         self._panning = self._turning = self._space = self._space_used = self._stroking = False
         self._button = 0  # the one that holds the stroke
         self._told_disk: tuple | str = ""  # what of the level's file on disk the person knows
         self._covered = False
-        self.toasts, self.thumbnails = Toasts(), Thumbnails(self)
+        self.thumbnails = Thumbnails(self)
         self.column = None
         self.control_keys = ControlKeys(self)
-        self._open(size)
+        self.open_screen(size)
         self.canvas, self.legend, self.scale_bar = Viewport(self), Legend(self), ScaleBar(self)
         self.empty(brush)
         self.build()
-        self._guarded(self.canvas.show_flyers)
-        if problem:
-            self.notify(problem, "warning")
+        self.guarded(self.canvas.show_flyers)
+        if self.settings_problem:
+            self.notify(self.settings_problem, "warning")
 
     # making the window -------------------------------------------------------------
-
-    def _open(self, size):
-        pygame.display.init()
-        pygame.font.init()
-        pygame.display.set_caption(self.title())
-        self.screen = pygame.display.set_mode(_least(size), pygame.RESIZABLE)
-        pygame.key.set_repeat(350, 40)
-        pygame.event.set_blocked([pygame.JOYDEVICEADDED, pygame.AUDIODEVICEADDED])
 
     def build(self):
         """Build all controls for the window size, the theme and the scale."""
         for panel in self.panels:
-            self._guarded(panel.close)
-        size = self.screen.get_size()
-        self.scale = scale_of(size, _screen_height(), self.wanted_scale)
-        self.manager = Manager(size, look(self.theme, self.scale))
+            self.guarded(panel.close)
+        size = self.begin()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of labels that are shorter than their words, which are cut in time
             self._build_parts(size)
         self.canvas.resize(self.places.canvas)
-        self._guarded(self.canvas.prepare)
+        self.guarded(self.canvas.prepare)
         self.legend.picture, self.legend._said = None, None
         self._calm = self._fresh = 0.0
 
     def _build_parts(self, size):
         self.places = place = places(size, self.scale, self.columns)
-        self.buttons: dict = {}  # of the action table
-        self.dialog = self.help = None
+        self.help = None
         self.top = None if place.top is None else TopBar(self, place.top)
         self.toolbox = None if place.left is None else Toolbox(self, place.left)
         self.timebar = None if place.time is None else TimeBar(self, place.time)
@@ -149,52 +135,42 @@ class App(Hand, Deeds, CanvasEvents):
         if right:
             self.place = words(self, pygame.Rect(rect.width - right - pad, 0, right, tall), "", back, "@note_right")
 
-    def close(self, keep=False):
-        """Close the window; returns whether unsaved changes were kept for recovery, if asked."""
+    def leave(self, keep=False):
         self.end_video()
         self.thumbnails.close()
         for panel in self.panels:
-            self._guarded(panel.close)
-        kept = self.session.close(keep)
-        if pygame.display.get_init():
-            pygame.event.get()  # clear() and quit() would keep for ever the controls that waiting events speak of
-            pygame.display.quit()
-        return kept
+            self.guarded(panel.close)
+        return KEPT if self.session.close(keep) else ""
 
     # one frame -------------------------------------------------------------------------
 
-    def run(self, frames=None, stop=lambda: False):
-        """Run the main loop until the window is closed, for some frames, or until `stop()`."""
-        clock = pygame.time.Clock()
+    def started(self):
+        self.patience = 0.0
         self.session.play()
         self.thumbnails.start()
         gc.freeze()  # what was made until now stays; looking through it again and again would make frames stutter
-        while self.running and frames != 0 and not stop():
-            self.frame(min(clock.tick(60) / 1000, 0.25), patience_s=0.0)
-            frames = None if frames is None else frames - 1
 
-    def frame(self, dt, patience_s=None):
+    def frame(self, dt):
         """Run one frame, `dt` seconds after the last one.
 
         Ticks that are due run beside the drawing, which shows the last finished state; the next frame has what they
-        leave.  It waits for them no longer than ``patience_s``: as long as they take unless told.
+        leave.  It waits for them no longer than `patience`.
         """
         begin = time.perf_counter()
         self.now += dt
-        for event in _merged(pygame.event.get()):
-            self._guarded(self.handle, event)
+        self.events()
         handled = time.perf_counter()
         budget = max(LEAST, SLOWEST - self.seconds["drawing"] - self.seconds["interface"])
-        still = self._guarded(self.session.catch_up, dt, budget, patience_s)
+        still = self.guarded(self.session.catch_up, dt, budget, self.patience)
         lived = time.perf_counter()
         self._unheard += dt
         if still:
-            self._guarded(self._between_ticks)
-            self._guarded(self.session.set_off, budget)
+            self.guarded(self._between_ticks)
+            self.guarded(self.session.set_off, budget)
         looked = time.perf_counter()
-        self._guarded(self.canvas.draw)
+        self.guarded(self.canvas.draw)
         drawn = time.perf_counter()
-        self._guarded(self._show, dt)
+        self.guarded(self._show, dt)
         shown = time.perf_counter()
         self.seconds = {
             "simulation": lived - handled,
@@ -212,7 +188,7 @@ class App(Hand, Deeds, CanvasEvents):
             self._disk = DISK
             self._look_at_disk()
         if self.column is not None:
-            self._guarded(self.column.update, dt)
+            self.guarded(self.column.update, dt)
         self._fresh -= dt
         if self._fresh <= 0:
             self._fresh = FRESH
@@ -296,7 +272,7 @@ class App(Hand, Deeds, CanvasEvents):
         self.legend.draw(surface)
         if not self.canvas.in_space:  # there it is the grid that says how long a metre is
             self.scale_bar.draw(surface, self.canvas.camera)
-        self._guarded(self.tool.cursor, surface, self.canvas.camera)
+        self.guarded(self.tool.cursor, surface, self.canvas.camera)
 
     def _is_covered(self):
         """Whether a tooltip, menu or dialog covers the canvas."""
@@ -306,17 +282,6 @@ class App(Hand, Deeds, CanvasEvents):
             for sprite in self.manager.get_sprite_group().sprites()
         )
 
-    def _guarded(self, do, *arguments):
-        """Call a function; an exception becomes a message, and the window continues."""
-        try:
-            return do(*arguments)
-        except Exception as error:
-            from flockbrush.runs.terminal import debugging
-
-            if debugging():
-                raise
-            self.notify(said(error), "error")
-
     # events ----------------------------------------------------------------------------
 
     def handle(self, event):
@@ -325,51 +290,19 @@ class App(Hand, Deeds, CanvasEvents):
             self._calm = 0.0
         elif not self.canvas.rect.collidepoint(event.pos):
             self._calm = min(self._calm, QUICK)
-        if event.type == pygame.QUIT:
-            self.ask_to_quit()
-        elif event.type == pygame.VIDEORESIZE:
-            self.resize(event.size)
-        elif event.type in (pygame.WINDOWFOCUSLOST, pygame.WINDOWLEAVE):
-            self._let_go(event)
-        elif not self._is_of_controls(event):
-            self._of_canvas(event)
+        super().handle(event)
 
     def _is_of_controls(self, event):
-        """Whether a dialog, control or panel has used an event."""
-        if self.dialog is not None and self.dialog.alive():
-            self.manager.process_events(event)
-            self.dialog.handle(event)
-            return True
-        self.dialog = None
-        if self.control_keys.handle(event):
-            return True
-        key = event.type in (pygame.KEYDOWN, pygame.KEYUP)
-        if key and not self._is_typing():
-            return False
-        if self._stroking or self._panning:  # a stroke that leaves the canvas goes on
-            return False
-        if self.timebar is not None and not self._covered and self.timebar.mouse(event):
-            return True
-        # no control wants to hear of movements (they look where the mouse is), and asking them all takes long
-        taken = event.type != pygame.MOUSEMOTION and self.manager.process_events(event)
-        if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
-            self.buttons[event.ui_element].do(self)
-            return True
-        parts = (self.timebar, self.toolbox, self.column)
-        heard = taken or any(part is not None and part.handle(event) for part in parts)
-        return heard or key  # letters that are typed are no keys of tools
+        return self.control_keys.handle(event) or super()._is_of_controls(event)
 
-    def _is_typing(self):
-        focus = self.manager.get_focus_set() or ()
-        return any(isinstance(element, (UITextEntryLine, UITextEntryBox)) for element in focus)
+    def _is_dragging(self):
+        return self._stroking or self._panning
 
-    def resize(self, size):
-        """Handle a new window size; an unfinished drawing ends."""
-        self.let_go()
-        size = _least(size)
-        if size != self.screen.get_size():
-            self.screen = pygame.display.set_mode(size, pygame.RESIZABLE)
-        self.build()
+    def _of_strip(self, event):
+        return self.timebar is not None and not self._covered and self.timebar.mouse(event)
+
+    def _of_parts(self, event):
+        return any(part is not None and part.handle(event) for part in (self.timebar, self.toolbox, self.column))
 
     # what panels and tools use ---------------------------------------------------------
 
@@ -387,10 +320,6 @@ class App(Hand, Deeds, CanvasEvents):
     def accent(self):
         """The colour of what is selected."""
         return chrome(self.theme).accent
-
-    def notify(self, text, kind="info"):
-        """Show a message."""
-        self.toasts.say(text, kind)
 
     def set_hint(self, text):
         """Set the hint under the canvas."""
@@ -415,37 +344,9 @@ class App(Hand, Deeds, CanvasEvents):
             pass
 
 
-def _merged(events):
-    """Events without outdated mouse motions and resizes; during a stroke all motions are kept."""
-    kept = []
-    for event in events:
-        if event.type == pygame.VIDEORESIZE and kept and kept[-1].type == pygame.VIDEORESIZE:
-            kept.pop()
-        kept.append(event)
-    return kept
-
-
 def _written(path):
     """Modification time of a file, ns; 0 if it does not exist."""
     try:
         return os.stat(path).st_mtime_ns
     except OSError:
-        return 0
-
-
-def _least(size):
-    return max(SMALLEST[0], int(size[0])), max(SMALLEST[1], int(size[1]))
-
-
-def said(error) -> str:
-    """The message of an exception for the user."""
-    known = isinstance(error, (ValueError, OSError)) or type(error) is LookupError
-    text = str(error.args[0] if type(error) is LookupError and error.args else error)
-    return text if known and text else f"this failed: {type(error).__name__}: {text}"
-
-
-def _screen_height():
-    try:
-        return max((height for _, height in pygame.display.get_desktop_sizes()), default=0)
-    except pygame.error:
         return 0

@@ -13,11 +13,9 @@ TOOL_KEYS = {kind.key: kind.name for kind in TOOLS + OF_RECORDINGS}
 class CanvasEvents:
     """Methods of the App that handle events outside the controls."""
 
-    def _of_canvas(self, event):
-        """Mouse and keys that are not for a control."""
-        if event.type == pygame.KEYDOWN:
-            self._key(event)
-        elif event.type == pygame.KEYUP:
+    def _mouse(self, event):
+        """Mouse, and keys that come up, that are not for a control."""
+        if event.type == pygame.KEYUP:
             self._key_up(event)
         elif event.type == pygame.MOUSEBUTTONDOWN:
             self._press(event)
@@ -28,7 +26,7 @@ class CanvasEvents:
         elif event.type == pygame.MOUSEWHEEL:
             self._wheel(event)
 
-    def _key(self, event):
+    def _pressed_key(self, event):
         key = key_of(event)
         if key == "space":  # alone it is play or pause; held while dragging it moves the view
             if not self._space:
@@ -100,7 +98,7 @@ class CanvasEvents:
         elif self.canvas.rect.collidepoint(position):
             self.canvas.zoom(1.2**turn, position)
 
-    def _let_go(self, event):
+    def _left(self, event):
         """Finish the drawing when the mouse leaves the window or the window loses the keyboard."""
         if event.type == pygame.WINDOWFOCUSLOST:
             self.let_go()

@@ -68,7 +68,7 @@ def live_commands() -> dict[str, type]:
     for name, kind in sorted(COMMANDS.items()):
         own = fields(kind)
         plain = own and all(field.name != "id" and (field.type in PLAIN or _may_lack(field)) for field in own)
-        if plain and name not in STROKES and not kind.__module__.endswith(INTERNAL) and hasattr(kind, "inverse"):
+        if plain and name not in STROKES and not kind.__module__.endswith(INTERNAL) and hasattr(kind, "touches"):
             found[name] = kind
     return found
 

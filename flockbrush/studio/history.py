@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from flockbrush.engine.files import refused
-from flockbrush.levels.editor import EditStep
-from flockbrush.levels.steps import Steps
+from flockbrush.levels.steps import CommandStack
 
 FIRST_ID = 1_000_000  # of new objects; those of level files are smaller
 
 
-class History(Steps):
+class History(CommandStack):
     """Takes the place of a `flockbrush.levels.editor.Editor`.
 
     Parameters
@@ -28,16 +27,6 @@ class History(Steps):
         self.path, self.why = path, why
         self._highest = FIRST_ID
 
-    @property
-    def undo_commands(self):
-        """What undo does to the world, or None."""
-        return list(self._done[-1].back) if self._done else None
-
-    @property
-    def redo_commands(self):
-        """What redo does to the world, or None."""
-        return list(self._undone[-1].commands) if self._undone else None
-
     def new_id(self):
         """An id for a new object that nobody else gets."""
         self._highest += 1
@@ -48,34 +37,26 @@ class History(Steps):
 
     def do(self, label, commands, back=(), tick=0, join=None):
         """Note what the world has taken."""
-        last = self._done[-1] if self._done and not self._undone else None
-        if join is None or last is None or last.join != join:
-            last = EditStep(label, [], [], tick, join)
-            self._done.append(last)
-        last.commands += commands
-        last.back = [*back, *last.back]
-        self._undone.clear()
+        self.note(label, commands, back, tick, join)
 
     def undo(self, tick=0, again=None):
         """Forget the last step, until it is done again."""
-        step = self._done.pop()
-        step.commands = step.commands if again is None else list(again)
-        self._undone.append(step)
+        step = self.take_back()
+        step.again = None if again is None else list(again)
 
     def redo(self, tick=0, back=None):
         """Note the step again."""
-        step = self._undone.pop()
+        step = self.do_again()
         step.back = step.back if back is None else list(back)
-        self._done.append(step)
 
     def at(self, tick, after=False) -> History:
         """Another one that goes back from this tick."""
         other = History(self.path, self.why)
         other._highest = self._highest
-        early = [step.tick < tick + after for step in self._done]
-        copies = [EditStep(s.label, list(s.commands), list(s.back), s.tick, s.join) for s in self._done]
-        other._done = [step for step, old in zip(copies, early, strict=True) if old]
-        other._undone = [step for step, old in zip(copies, early, strict=True) if not old][::-1]
+        early = [step.tick < tick + after for step in self.done]
+        copies = [step.copy() for step in self.done]
+        other.done = [step for step, old in zip(copies, early, strict=True) if old]
+        other.undone = [step for step, old in zip(copies, early, strict=True) if not old][::-1]
         return other
 
     def restarted(self) -> History:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
@@ -18,11 +16,10 @@ from flockbrush.render.canvas import Canvas
 from flockbrush.render.orbit import OrbitCamera
 from flockbrush.render.space_view import SpacePainter
 from flockbrush.render.style import mix
-from flockbrush.studio.dialogs import Dialog
 from flockbrush.studio.film.clip_column import ClipColumn
-from flockbrush.studio.plain_window import PlainWindow
 from flockbrush.studio.theme import chrome, px
 from flockbrush.studio.widgets import NO_MARGINS, icon_button, set_icon, words
+from flockbrush.studio.window import Window
 
 HINT = "Drag: orbit   Right drag: move   Wheel: zoom   Click: select a bird   Space: play   C: camera view"
 STILL = 4  # pixels: a shorter way of the mouse is a click
@@ -34,12 +31,10 @@ SLIDERS = (  # name, what is set, lowest, highest, whether equal steps multiply,
     ("Even speed", "evenness", 0.0, 3.0, False, "{:.2f}", "Weight of a constant mean speed of the flock"),
     ("Separation", "separation", 0.0, 1.0, False, "{:.2f}", "Weight of separation of birds; for the looks only"),
     ("Separation distance", "separation_distance", 0.1, 10.0, True, "{:.2g} m", "Distance below which separation acts"),
-    ("Near", "near", 0.5, 500.0, True, "{:.3g} m", "Smallest distance from the camera"),
-    ("Far", "far", 5.0, 5000.0, True, "{:.4g} m", "Largest distance from the camera"),
 )
 
 
-class LiftWindow(PlainWindow):
+class LiftWindow(Window):
     """The window that shows a flight.
 
     Parameters
@@ -65,7 +60,6 @@ class LiftWindow(PlainWindow):
         self.at = 0.0  # frames: where playing is
         self._due = np.inf  # s until all frames are solved
         self._camera: OrbitCamera | None = None
-        self._levels: list[subprocess.Popen] = []
         self.open(size)
         for note in show.flight.notes:
             self.toasts.say(note, "warning")
@@ -80,7 +74,6 @@ class LiftWindow(PlainWindow):
     def build(self):
         """Build all controls for the window size."""
         size = self.begin()
-        self._letter = ""  # of the key that has opened the dialog; it comes once more, as text
         foot, wide = px(self.scale, 66), min(px(self.scale, 270), size[0] // 2)
         self.area = pygame.Rect(0, 0, size[0] - wide, max(20, size[1] - foot))
         self.column: ClipColumn | None = None
@@ -98,7 +91,7 @@ class LiftWindow(PlainWindow):
     def _build_foot(self, rect):
         back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
         side, gap, x = px(self.scale, 34), px(self.scale, 3), px(self.scale, 8)
-        self.buttons, self._icon = {}, ""
+        self._icon = ""
         for picture, tip, do in (
             ("back", "Previous frame (Left)", lambda: self.step(-1)), ("play", "Play or pause (Space)", self.toggle),
             ("step", "Next frame (Right)", lambda: self.step(1)), ("fit", "Show everything (0)", self.fit),
@@ -140,7 +133,7 @@ class LiftWindow(PlainWindow):
             column.button("Reset", self.reset, "Reset all sliders")
         column.heading(f"{self.show.animal.capitalize()}s")
         column.slider(
-            self.show.sized_by, self.show.span, 0.1, 4.0, "{:.2f} m".format, self.resize, power=True,
+            self.show.sized_by, self.show.span, 0.1, 4.0, "{:.2f} m".format, self.set_span, power=True,
             tip="Size of the drawn animals; the wingspan is also used for a formation brush",
         )  # fmt: skip
         column.pair(
@@ -150,7 +143,7 @@ class LiftWindow(PlainWindow):
         self.solved = column.line("")
 
     def _value(self, key):
-        return getattr(self.wanted if key in ("near", "far") else self.wanted.wish, key)
+        return getattr(self.wanted.wish, key)
 
     def _method(self):
         return "Method: one global solve" if self.wanted.method == METHODS[0] else "Method: Algorithm 3 (COBYLA)"
@@ -173,7 +166,9 @@ class LiftWindow(PlainWindow):
         if self.scrub.get_current_value() != self.k and not self.scrub.has_moved_recently:
             self.scrub.set_current_value(self.k)
             self.scrub.has_moved_recently = False
-        pygame.display.set_caption(f"{self.show.name} – Flight – Flockbrush")
+
+    def title(self):
+        return f"{self.show.name} – Flight – Flockbrush"
 
     # one frame ---------------------------------------------------------------------------
 
@@ -187,7 +182,6 @@ class LiftWindow(PlainWindow):
             self.solver.ask(self.wanted)
         if self.guarded(self.solver.look):
             self.painter.floor = self.show.floor
-        self._look_at_levels()
         self.toasts.update(dt)
         self.manager.update(dt)
         self._freshen()
@@ -274,60 +268,34 @@ class LiftWindow(PlainWindow):
 
     # what a person does ---------------------------------------------------------------------
 
-    def handle(self, event):
-        """Answer one event; nothing can be lost, so that a dialog does not keep the window open."""
-        if event.type == pygame.QUIT:
-            self.quit()
-        else:
-            super().handle(event)
-
-    def _file(self):
-        return self.show.name
-
-    def _pressed(self, event):
-        super()._pressed(event)
-        self._letter = event.unicode if self.asking else ""
-
-    def _of_dialog(self, event):
-        """Give an event to the dialog, but not the letter of the key that has opened it."""
-        if event.type == pygame.TEXTINPUT and event.text == self._letter:
-            self._letter = ""
-            return
-        if event.type == pygame.KEYUP:
-            self._letter = ""
-        super()._of_dialog(event)
-
     def _key(self, key):
         steps = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.show), "end": len(self.show)}
         does = {
             "space": self.toggle, "0": self.fit, "c": self.from_camera, "ctrl+s": self.ask_export, "b": self.ask_brush,
-            "ctrl+q": self.quit, "escape": self._let_go,
+            "ctrl+q": self.quit, "escape": self.cancel,
         }  # fmt: skip
         if key in steps:
             self.step(steps[key])
         elif key in does:
             does[key]()
 
-    def _mouse(self, event):
+    def _of_parts(self, event):
         if event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.scrub:
             self.playing = False
             self.at = float(round(event.value))
-        elif self.column is not None and self.column.handle(event):
-            pass
-        elif event.type == pygame.MOUSEBUTTONDOWN and event.button <= 3 and self.area.collidepoint(event.pos):
-            if not self.toasts.click(event.pos):
-                moves = event.button != 1 or pygame.key.get_mods() & pygame.KMOD_SHIFT
-                self._held = ("move" if moves else "turn", event.pos, event.pos, event.button)
-        elif event.type == pygame.MOUSEMOTION and self._held is not None:
-            self._drag(event.pos)
-        elif event.type == pygame.MOUSEBUTTONUP and self._held is not None and event.button == self._held[3]:
-            self._release(event.pos)
-        elif event.type == pygame.MOUSEWHEEL and self.area.collidepoint(pygame.mouse.get_pos()):
-            self.look_from(self.painter.camera.zoomed(1.15**event.y))
+            return True
+        return self.column.handle(event)
+
+    def _press(self, at, button):
+        moves = button == 3 or pygame.key.get_mods() & pygame.KMOD_SHIFT
+        self._held = ("move" if moves else "turn", at, at, button)
+
+    def _wheel(self, notches, at):
+        self.look_from(self.painter.camera.zoomed(1.15**notches))
 
     def _drag(self, pos):
         what, start, last, button = self._held
-        if np.hypot(*np.subtract(pos, start)) <= STILL and last == start:
+        if np.hypot(*np.subtract(pos, start)) <= STILL and last is start:
             return
         across, down = np.subtract(pos, last)
         camera = self.painter.camera
@@ -344,12 +312,14 @@ class LiftWindow(PlainWindow):
         what, start, _, _ = self._held
         self._held = None
         if what == "turn" and np.hypot(*np.subtract(pos, start)) <= STILL:
-            row = self.painter.pick((pos[0] - self.area.x, pos[1] - self.area.y))
+            row = self.painter.pick(tuple(pos))
             rows = self.show.there(self.k)
             self.bird = None if row is None else int(self.show.flight.ids[rows[row]])
 
-    def _let_go(self):
-        self._held, self.bird = None, None
+    def cancel(self):
+        """Clear the selection."""
+        self.let_go()
+        self.bird = None
 
     def step(self, frames):
         """Stop, and go so many frames on."""
@@ -399,7 +369,7 @@ class LiftWindow(PlainWindow):
     # wishes -----------------------------------------------------------------------------------
 
     def wish(self, key, value):
-        """Solve anew with another weight or bound: a glance at once, all frames when the hand rests."""
+        """Solve anew with another weight: a glance at once, all frames when the hand rests."""
         self.wanted = self.guarded(lambda: with_wish(self.wanted, **{key: float(value)})) or self.wanted
         if self.wanted.method == METHODS[0]:
             self.solver.ask(self.wanted, glance=True)
@@ -415,15 +385,14 @@ class LiftWindow(PlainWindow):
         """All sliders as they were at first."""
         from flockbrush.lifting.flight_show import Wanted
 
-        lens = self.show.camera
-        self.wanted = Wanted(near=lens.near, far=lens.far)
+        self.wanted = Wanted()
         for slider, (_, key, *_rest) in zip(self.column.sliders, SLIDERS, strict=False):
             slider.set(self._value(key))
         self.method.set_text(self._method())
         self.solver.ask(self.wanted)
 
-    def resize(self, span):
-        """Draw birds of another wingspan."""
+    def set_span(self, span):
+        """Set the wingspan of the drawn birds."""
         self.show.span = float(span)
 
     # keeping ----------------------------------------------------------------------------------
@@ -432,7 +401,7 @@ class LiftWindow(PlainWindow):
         """Ask for the file of the flight."""
         name = str(Path(self.show.name).with_suffix("").with_suffix("")) + ".flock.csv"
         question = f"Write the flight to ({', '.join(ENDINGS)}):"
-        self.dialog = Dialog(self, "Export", question, [("Write", self._export), ("Cancel", None)], name)
+        self.ask("Export", question, [("Write", self._export), ("Cancel", None)], name)
 
     def _export(self, path):
         self.guarded(self._finish_solving)
@@ -457,7 +426,8 @@ class LiftWindow(PlainWindow):
         question = f"The birds of this frame fly as a {kind} ({found.frames[0].why}). Write the brush to:"
         answers = [("Write", self._brush), ("Write and play", None), ("Cancel", None)]
         where = str(Path(self.show.name).parent / name)
-        self.dialog = dialog = Dialog(self, "Formation brush", question, answers, where)
+        self.ask("Formation brush", question, answers, where)
+        dialog = self.dialog
         dialog.answers[list(dialog.answers)[1]] = lambda: self._fly(dialog.entry.get_text().strip())
 
     def _brush(self, path):
@@ -466,26 +436,14 @@ class LiftWindow(PlainWindow):
             self.toasts.say(self.show.formation_brush(self.k, path))
 
     def _fly(self, path):
-        """Write brush and level, and open that in a window of its own."""
+        """Write brush and level, and show that in place of the flight until it is closed."""
+        from flockbrush.studio.start import StartOptions, opening_of
+
         self.guarded(self._finish_solving)
         level = self.show.formation_level(self.k, path)
-        self.toasts.say(f"{level}: opening in a new window")
-        self._levels.append(subprocess.Popen(self.command(level), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL))
-
-    def command(self, level):
-        """What opens a level, a list of words."""
         brush = level.name.removesuffix(".tmj")
-        return [sys.executable, "-m", "flockbrush", "play", str(level), "--brush", brush]
-
-    def _look_at_levels(self):
-        for process in list(self._levels):
-            if process.poll() is None:
-                continue
-            self._levels.remove(process)
-            said = process.stderr.read().decode(errors="replace").strip()
-            process.stderr.close()
-            if process.returncode:
-                self.toasts.say(said.splitlines()[-1] if said else "the level could not be opened", "error")
+        options = StartOptions(str(level), brush, theme=self.theme.name)
+        self.open_over(opening_of(options, self.screen.get_size()))
 
 
 def _thirds(count):

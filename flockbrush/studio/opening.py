@@ -1,4 +1,4 @@
-"""The start window, which is shown while the level is read and kernels are compiled."""
+"""The window that is shown while a level or a flight is read and kernels are compiled."""
 
 from __future__ import annotations
 
@@ -6,58 +6,75 @@ import threading
 
 import pygame
 
-from flockbrush.render.style import Theme
 from flockbrush.studio.theme import chrome, font, px, scale_of
+from flockbrush.studio.window import Window
 
 PATIENCE = 1.5  # s after which it is told why this takes so long
+OPENING = "Opening the level …", "Compiling kernels (only at the first start) …"
 FEW = 8  # animals of the herd that tries all kernels
 
 
-class Opening:
-    """Runs a function in a thread while a window shows the progress.
+class Opening(Window):
+    """Runs a function in a thread while a window shows the progress, then shows the window that is made of its result.
 
     Parameters
     ----------
+    title : str
+        What is opened.
     work : callable
-        What takes long; its result is that of `wait`.
+        What takes long.
+    then : callable
+        Called with the result of the work and the size of the window; returns the window to show.
+    doing : (str, str)
+        What the window says, and what it says after some time.
     """
 
-    def __init__(self, title, size, theme: Theme, work):
-        self.title, self.theme, self.work = title, theme, work
-        self.result = self.error = None
-        pygame.display.init()
-        pygame.font.init()
-        pygame.display.set_caption(f"Opening {title} … – Flockbrush")
-        self.screen = pygame.display.set_mode(size, pygame.RESIZABLE)
+    smallest = 1, 1
+    rate = 30
+    counted = False
+
+    def __init__(self, title, size, theme, work, then, doing=OPENING):
+        super().__init__(theme)
+        self.name, self.work, self.then, self.doing = title, work, then, doing
+        self.seconds, self.result, self.error = 0.0, None, None
+        self.open(size)
         self._thread = threading.Thread(target=self._do, name="opening", daemon=True)
+
+    def title(self):
+        return f"Opening {self.name} … – Flockbrush"
+
+    def started(self):
+        self._thread.start()
 
     def _do(self):
         try:
             self.result = self.work()
-        except BaseException as error:  # noqa: BLE001  it belongs to whoever waits
+        except BaseException as error:  # noqa: BLE001  the main loop handles it
             self.error = error
 
-    def wait(self, stop=lambda: False):
-        """The result of the work, or None when the window was closed before; what went wrong is raised here."""
-        self._thread.start()
-        clock, seconds = pygame.time.Clock(), 0.0
-        while self._thread.is_alive():
-            seconds += clock.tick(30) / 1000
-            if stop() or any(event.type == pygame.QUIT for event in pygame.event.get()):
-                return None
-            self.draw(seconds)
-        if self.error is not None:
-            raise self.error
-        return self.result
+    def frame(self, dt):
+        self.seconds += dt
+        self.events()
+        if self._thread.is_alive():
+            self.draw(self.seconds)
+        elif self.running:
+            self.quit()
+            if self.error is not None:
+                raise self.error
+            self.open_over(self.then(self.result, self.screen.get_size()))
+
+    def _is_of_controls(self, event):
+        """There are no controls, and nothing to be done by hand."""
+        return True
 
     def draw(self, seconds):
-        """The level's name, why one waits, and something that moves."""
+        """Draw the name, the reason for the wait, and a moving bar."""
         screen, c = self.screen, chrome(self.theme)
         scale = scale_of(screen.get_size())
         width, height = screen.get_size()
         screen.fill(c.panel)
-        why = "Compiling kernels (only at the first start) …" if seconds > PATIENCE else "Opening the level …"
-        for text, size, colour, y in ((self.title, 24, c.ink, -30), (why, 14, c.muted, 8)):
+        why = self.doing[seconds > PATIENCE]
+        for text, size, colour, y in ((self.name, 24, c.ink, -30), (why, 14, c.muted, 8)):
             words = font(px(scale, size), size > 20).render(text, True, colour)
             screen.blit(
                 words, words.get_rect(center=(width // 2, height // 2 + px(scale, abs(y)) * (1 if y > 0 else -1)))

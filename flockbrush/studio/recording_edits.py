@@ -17,8 +17,8 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import open_recording, resume
 from flockbrush.runs import run as running
 from flockbrush.runs.edit_file import FIRST, EditFile, edits_of, parse_edits, sentence_of
+from flockbrush.runs.recording_selection import Selection, chosen
 from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past
-from flockbrush.runs.selection import Selection, chosen
 from flockbrush.runs.snapshots import moment_of, words_of
 from flockbrush.systems.landscape import Landscape
 
@@ -72,9 +72,10 @@ class RecordingEdits:
         self.selected = np.setdiff1d(self.selected, one) if animal in self.selected else np.union1d(self.selected, one)
 
     def select_named(self, simulation, column="", name=""):
-        """Select all animals of a species, brush or state at this moment; without a name all there are."""
+        """Select all animals that are shown with a species, brush or state now; without a name all that are shown."""
         selection = Selection(**{column: name}) if column else Selection()
-        self.select(chosen(selection, moment_of(simulation), words_of(simulation)))
+        moment = self.shown(simulation, moment_of(simulation))
+        self.select(chosen(selection, moment, words_of(simulation)))
 
     # changes -----------------------------------------------------------------------
 
@@ -107,13 +108,12 @@ class RecordingEdits:
     @property
     def undo_label(self):
         """What undo takes back, or None."""
-        layer = self.file.layer(self.file.order[-1]) if self.file.order else None
-        return None if layer is None else sentence_of(layer.edits[-1])
+        return self.file.undo_label
 
     @property
     def redo_label(self):
         """What redo makes again, or None."""
-        return sentence_of(self.file.undone[-1][1]) if self.file.undone else None
+        return self.file.redo_label
 
     def switch(self, name, on):
         """Switch a layer on or off."""

@@ -16,7 +16,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.build import brushes_used
 from flockbrush.levels.editor import Editor
-from flockbrush.levels.files import project_folder
+from flockbrush.levels.level_files import project_folder
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level_text
 from flockbrush.levels.schema import PROJECT_FILE

@@ -16,7 +16,6 @@ NO_SCREEN = (
     "no window can be opened ({}); flockbrush play needs a screen."
     " Without one, `flockbrush run LEVEL --export herd.mp4` makes a video."
 )
-KEPT = "unsaved changes are kept; flockbrush play offers to recover them when you open the level again"
 
 
 @dataclass(frozen=True)
@@ -44,33 +43,42 @@ def play_level(wishes: StartOptions) -> int:
         With everything that is wrong with the level.
     """
     size = size_of(wishes.size)
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    os.environ.setdefault("SDL_APP_NAME", "Flockbrush")
-    for system in ("X11", "WAYLAND"):  # by which desktops know whose windows are whose
-        os.environ.setdefault(f"SDL_VIDEO_{system}_WMCLASS", "flockbrush")
     problem = missing_display()
     if problem:
         say(problem)
         return USAGE
     import pygame
 
-    from flockbrush.render.style import theme_of
-    from flockbrush.studio.opening import Opening
-    from flockbrush.studio.settings import load_settings
-
-    theme = theme_of(wishes.theme or load_settings()[0].theme or "light")
     with Interrupts() as interrupts, _compiling(wishes):
-        interrupts.gently()
         try:
-            opening = Opening(Path(wishes.level).stem, size, theme, lambda: _open(wishes))
+            opening = opening_of(wishes, size)
         except pygame.error as error:  # a screen that was there just now
             say(NO_SCREEN.format(error))
             return USAGE
-        session = opening.wait(stop=lambda: interrupts.asked)
-        if session is not None:
-            _play(session, wishes, opening.screen.get_size(), interrupts)
+        stay(opening, interrupts, wishes.frames)
         interrupts.check()
     return 0
+
+
+def stay(window, interrupts, frames=None):
+    """Run the main loop of a window until it is closed; unsaved work is kept after an interrupt or a failure."""
+    interrupts.gently()
+    ended_well = False
+    try:
+        window.run(frames, stop=lambda: interrupts.asked)
+        ended_well = not interrupts.asked
+    finally:
+        window.close(keep=not ended_well)
+
+
+def opening_of(wishes, size):
+    """The window that reads a level or a recording and then shows the playground."""
+    from flockbrush.studio.opening import Opening
+
+    return Opening(
+        Path(wishes.level).stem, size, wishes.theme, lambda: _open(wishes),
+        lambda session, size: _playground(session, wishes, size),
+    )  # fmt: skip
 
 
 def _compiling(wishes):
@@ -102,25 +110,22 @@ def refuse_wishes(wishes):
             raise typer.BadParameter("cannot be used with a recording, which has its own", param_hint=f"--{option}")
 
 
-def _play(session, wishes, size, interrupts):
+def _playground(session, wishes, size):
     from flockbrush.studio.app import App
     from flockbrush.studio.recorded_session import is_recording
     from flockbrush.studio.session import Session
 
-    app, ended_well = None, False
+    scale = wishes.text_size and wishes.text_size / 100
     try:
-        app = App(
-            session, size, wishes.theme, wishes.text_size and wishes.text_size / 100, wishes.brush, wishes.palette
-        )
-        known = None if is_recording(wishes.level) else wishes.level
-        left = known and Session.recoverable(known, tell=lambda text: app.notify(text, "warning"))
-        if left:
-            app.offer_recovery(left[0])
-        app.run(wishes.frames, stop=lambda: interrupts.asked)
-        ended_well = not interrupts.asked
-    finally:
-        if (app or session).close(keep=not ended_well):
-            say(KEPT)
+        app = App(session, size, wishes.theme, scale, wishes.brush, wishes.palette)
+    except BaseException:
+        session.close(keep=True)
+        raise
+    known = None if is_recording(wishes.level) else wishes.level
+    left = known and Session.recoverable(known, tell=lambda text: app.notify(text, "warning"))
+    if left:
+        app.offer_recovery(left[0])
+    return app
 
 
 def size_of(text: str) -> tuple[int, int]:
@@ -135,7 +140,11 @@ def size_of(text: str) -> tuple[int, int]:
 
 
 def missing_display() -> str:
-    """Why no window can be opened here; "" when one can."""
+    """Why no window can be opened here; "" when one can.  The environment is then ready for one."""
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    os.environ.setdefault("SDL_APP_NAME", "Flockbrush")
+    for system in ("X11", "WAYLAND"):  # by which desktops know whose windows are whose
+        os.environ.setdefault(f"SDL_VIDEO_{system}_WMCLASS", "flockbrush")
     import pygame
 
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import typer
@@ -12,7 +11,7 @@ from flockbrush.film.clip_document import Book
 from flockbrush.film.clip_frames import SKY, Film, Sky
 from flockbrush.lifting.lens import read_camera
 from flockbrush.runs.terminal import USAGE, Interrupts, compiling, progress, say
-from flockbrush.studio.start import missing_display, size_of
+from flockbrush.studio.start import missing_display, size_of, stay
 
 NO_SCREEN = (
     "no window can be opened: there is no display. Without one, `flockbrush track CLIP` tracks birds, and"
@@ -52,7 +51,6 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
     if not folder.exists() and not folder.parent.is_dir():
         raise refused(folder, f"there is no folder {str(folder.parent)!r}")
     lens = None if camera is None else read_camera(camera)
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     with Interrupts() as interrupts, compiling():
         film = _opened(clip, lens)
         try:
@@ -64,9 +62,11 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
             if missing_display():
                 say(NO_SCREEN)
                 return USAGE
-            interrupts.gently()
+            from flockbrush.studio.film.clip_window import ClipWindow
+
             first = mode or ("sketch" if film.path is None else "birds" if tracks is not None else "look")
-            _stay(book, place, theme, camera, first, frames, interrupts)
+            stay(ClipWindow(book, place, theme, camera, first), interrupts, frames)
+            _tell_next(book, camera)
         finally:
             film.close()
         interrupts.check()
@@ -81,19 +81,8 @@ def _opened(clip, lens):
         return Film(clip, moved)
 
 
-def _stay(book, size, theme, camera, mode, frames, interrupts):
-    """Keep the window open; who is interrupted, or whose window breaks, loses nothing."""
-    from flockbrush.studio.film.clip_window import ClipWindow
-
-    window, ended_well = ClipWindow(book, size, theme, camera, mode), False
-    try:
-        window.run(frames, stop=lambda: interrupts.asked)
-        ended_well = not interrupts.asked
-    finally:
-        window.close()
-        if not ended_well and book.dirty:
-            book.save()
-            say(f"{book.place('marks.toml')}: marks were saved before the program ended")
+def _tell_next(book, camera):
+    """Print the command that goes on from what was marked."""
     if line := book.lift_line(camera):
         say(line)
     elif book.place("marks.toml").is_file() and book.film.path is not None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
-
 from flockbrush.runs.terminal import USAGE, Interrupts, compiling, say
-from flockbrush.studio.start import missing_display, size_of
+from flockbrush.studio.start import missing_display, size_of, stay
 
 NO_SCREEN = (
     "no window can be opened: there is no display. Without one, `flockbrush lift TRACKS --camera CAM --out F.csv`"
@@ -31,7 +29,6 @@ def show_flight(path, camera=None, theme=None, size="1280x720", frames=None, loo
         When table or camera cannot be read, or nothing can be lifted.
     """
     place = size_of(size)
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     from flockbrush.lifting.ground_show import open_show
 
     with Interrupts() as interrupts, compiling():
@@ -39,17 +36,8 @@ def show_flight(path, camera=None, theme=None, size="1280x720", frames=None, loo
         if missing_display():
             say(NO_SCREEN)
             return USAGE
-        interrupts.gently()
-        _stay(show, place, theme, frames, interrupts)
+        from flockbrush.studio.lift_window import LiftWindow
+
+        stay(LiftWindow(show, place, theme), interrupts, frames)
         interrupts.check()
     return 0
-
-
-def _stay(show, size, theme, frames, interrupts):
-    from flockbrush.studio.lift_window import LiftWindow
-
-    window = LiftWindow(show, size, theme)
-    try:
-        window.run(frames, stop=lambda: interrupts.asked)
-    finally:
-        window.close()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
+from pathlib import Path
 
 from flockbrush.engine.files import claimed
-from flockbrush.film.bird_marking import Album, name_for, read_frames
+from flockbrush.film.picture_marks import PictureBook, PictureFilm
 from flockbrush.runs.terminal import USAGE, Interrupts, compiling, progress, say
-from flockbrush.studio.start import missing_display, size_of
+from flockbrush.studio.start import missing_display, size_of, stay
 
 NO_SCREEN = (
     "no window can be opened: there is no display. Without one, `flockbrush formation detect` writes the marks"
@@ -25,31 +25,15 @@ def mark_birds(paths, out=None, every=1, theme=None, size="1280x720", frames=Non
     ProblemsError
         When a picture or the marks cannot be read, or could not be written.
     """
-    place, out = size_of(size), out or name_for(paths)
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    place, out = size_of(size), out or Path(f"{Path(paths[0]).stem}.marks.csv")
     with claimed([out], paths), Interrupts() as interrupts, compiling():
         with progress("detecting birds", len(paths)) as moved:
-            album = Album(read_frames(paths, every, moved))
-        if out.exists():
-            album.load(out)
+            book = PictureBook(PictureFilm(paths, every, moved), out)
         if missing_display():
             say(NO_SCREEN)
             return USAGE
-        interrupts.gently()
-        _stay(album, out, place, theme, frames, interrupts)
+        from flockbrush.studio.film.clip_window import ClipWindow
+
+        stay(ClipWindow(book, place, theme), interrupts, frames)
         interrupts.check()
     return 0
-
-
-def _stay(album, out, size, theme, frames, interrupts):
-    """Keep the window open; who is interrupted loses no correction."""
-    from flockbrush.studio.bird_marking_window import Marking
-
-    window = Marking(album, out, size, theme)
-    try:
-        window.run(frames, stop=lambda: interrupts.asked)
-    finally:
-        window.close()
-    if interrupts.asked and album.dirty:
-        album.save(out)
-        say(f"{out}: corrections were saved before the program ended")

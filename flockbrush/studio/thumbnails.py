@@ -21,7 +21,7 @@ import numpy as np
 from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import Heading, Position
-from flockbrush.engine import files, pictures
+from flockbrush.engine import files, picture_decoding
 from flockbrush.levels.build import plane
 from flockbrush.render.animal_looks import CLIPS, mesh_of
 from flockbrush.render.canvas import Canvas
@@ -266,7 +266,7 @@ def _kept(path, size):
         data = path.read_bytes()
     except OSError:
         return None
-    image = pictures.decoded(data, AS_STORED) if picture_size(data) == (size, size) else None
+    image = picture_decoding.decoded(data, AS_STORED) if picture_size(data) == (size, size) else None
     if image is None or image.shape != (size, size, 4) or image.dtype != np.uint8:
         return None
     return np.ascontiguousarray(image[..., [2, 1, 0, 3]])

@@ -247,7 +247,7 @@ class Viewport:
         trails, self.painter.shadows = "trails" in app.overlays, "shadows" in app.overlays
         self.painter.dust = "dust" in app.overlays
         if self.in_space:
-            lying = self._lying()
+            lying, self.painter.see_through = self._lying(), self.follows
             under = Underlay(self._on_ground, (frozenset(lying), app.selected, round(moment.time / LAID)))
             self.painter.frame(
                 self.herd, moment.time, "", legend=False, trails=trails, out=self.frame,

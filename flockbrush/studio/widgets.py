@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from itertools import zip_longest
 from typing import NamedTuple
 
@@ -58,7 +59,7 @@ def action_button(app, rect, name, container, size=18) -> PictureButton:
     """The button of an action of the table; a press does it."""
     action = BY_NAME[name]
     button = icon_button(app, rect, action.icon, tip_of(action), container, size=size)
-    app.buttons[button] = action
+    app.buttons[button] = partial(action.do, app)
     return button
 
 

@@ -77,6 +77,6 @@ def test_the_command_converts_no_file_that_somebody_writes(tmp_path, monkeypatch
         said = CliRunner().invoke(app, ["brush", "convert", str(brush)])
     assert said.exit_code == 1 and "this program is already writing it" in said.output
     assert brush.read_bytes() == before
-    monkeypatch.setattr("flockbrush.cli.brush_conversion._written", lambda *given: holders.append(holder(brush)))
+    monkeypatch.setattr("flockbrush.cli.convert_brushes._written", lambda *given: holders.append(holder(brush)))
     assert CliRunner().invoke(app, ["brush", "convert", str(brush)]).exit_code == 0
     assert holders == ["this program is already writing it"] and holder(brush) == ""

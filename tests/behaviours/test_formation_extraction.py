@@ -11,7 +11,7 @@ from example_formations import left_of_leader, places
 from flockbrush.behaviours.formation.curves import fit
 from flockbrush.behaviours.formation.extraction import Marks, extract, extract_frame
 from flockbrush.behaviours.formation.formation_shapes import load_formation, read_formation, to_json
-from flockbrush.behaviours.formation.marks import guess_heading, read_marks
+from flockbrush.behaviours.formation.marked_birds import guess_heading, read_marks
 from flockbrush.engine.problems import ProblemsError
 
 from flockbrush.cli.main import called

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.formation.marks import read_marks
+from flockbrush.behaviours.formation.marked_birds import read_marks
 from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.problems import ProblemsError

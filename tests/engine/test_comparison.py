@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from flockbrush.components.agent import Heading, Position, Velocity
-from flockbrush.engine.comparison import SHOWN, compare
 from flockbrush.engine.state import StateError, snapshot
+from flockbrush.engine.state_comparison import SHOWN, compare
 from small_meadow import Births, Whistle, meadow, submit
 
 

@@ -70,6 +70,18 @@ def test_quick_work_stays_in_its_thread(monkeypatch):
     assert (done == 1).all()
 
 
+def test_the_cost_of_a_kernel_is_measured_once(monkeypatch):
+    monkeypatch.setattr(parallel, "WORTH", 10**12)
+    calls, count = [], 5_000
+
+    def note(lo, hi):
+        calls.append((lo, hi))
+
+    over_rows(note, count)
+    over_rows(note, count)
+    assert calls == [(0, parallel.PROBE), (parallel.PROBE, count), (0, count)]
+
+
 @pytest.mark.parametrize("count", [1_000, 50_000])
 def test_slow_work_is_shared(count):
     seen, both = set(), threading.Barrier(2, timeout=120)

@@ -132,7 +132,7 @@ def test_a_bug_is_said_to_be_one_with_the_way_to_see_more(cli, monkeypatch):
     def broken(*_):
         raise KeyError("weights")
 
-    monkeypatch.setattr("flockbrush.cli.commands.list_levels", broken)
+    monkeypatch.setattr("flockbrush.cli.level_commands.list_levels", broken)
     done = cli("level", "list")
     assert done.code == 1
     assert "this is a bug in Flockbrush: KeyError: 'weights'" in done.err

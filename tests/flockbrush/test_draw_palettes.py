@@ -146,3 +146,17 @@ def test_leaders_are_marked_where_they_are_the_fewer():
     moment.leader[few] = True
     assert np.array_equal(np.flatnonzero(herd_of(run, moment).leader), few), "those of the other brush all lead"
     run.close()
+
+
+def test_marks_of_leaders_do_not_flicker_where_about_half_lead():
+    run = start("crowded", seed=1, agents=100)
+    moment = moment_of(run)
+
+    def marked(leaders):
+        moment.leader[:] = np.arange(100) < leaders
+        return int(herd_of(run, moment).leader.sum())
+
+    assert [marked(leaders) for leaders in (49, 51, 49, 52)] == [49, 51, 49, 52]
+    assert [marked(leaders) for leaders in (61, 49, 51, 45)] == [0, 0, 0, 0]
+    assert marked(39) == 39
+    run.close()

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from flockbrush.components import BrushBinding, Heading, Position, Role, Velocity
-from flockbrush.levels.writer import Document
+from flockbrush.levels.level_writer import Document
 from flockbrush.systems.groups import groups_of
 from pens import pen
 from processes import other_process

@@ -74,13 +74,14 @@ def test_only_the_latest_wish_counts(show):
     assert solver.busy
     assert solver.wait() and not solver.busy
     assert show.wanted.wish.flock == 2.0
-    assert show.flight.depth == pytest.approx(show.solved(Wanted(LiftWish(flock=2.0), near=10, far=300)).depth)
+    assert show.flight.depth == pytest.approx(show.solved(Wanted(LiftWish(flock=2.0))).depth)
 
 
-def test_a_wish_that_cannot_be_leaves_the_flight_as_it_is(show):
+def test_a_solve_that_fails_leaves_the_flight_as_it_is(show):
     solver, before = Solver(show), show.flight
-    solver.ask(with_wish(show.wanted, near=50.0, far=20.0))
-    with pytest.raises(ProblemsError, match="near must be above 0 and less than far"):
+    show.sight = None
+    solver.ask(with_wish(show.wanted, flock=2.0))
+    with pytest.raises(ProblemsError, match="cannot be lifted again"):
         solver.wait()
     assert show.flight is before and not solver.busy
 
@@ -91,10 +92,11 @@ def test_a_flight_without_tracks_is_not_solved(tmp_path, show):
         Show.open(tmp_path / "flock.csv").solved(Wanted())
 
 
-def test_the_thesis_method_keeps_the_bounds_of_the_sliders(show):
+def test_the_thesis_method_keeps_the_bounds_of_the_camera():
     pytest.importorskip("nlopt")
-    some = Show.lifted(seen(geese(3, 8)), CAMERA, "geese.csv")
-    flight = some.solved(Wanted(method="cobyla", near=40.0, far=90.0))
+    camera = CAMERA.model_copy(update={"near": 40.0, "far": 90.0})
+    some = Show.lifted(seen(geese(3, 8)), camera, "geese.csv")
+    flight = some.solved(Wanted(method="cobyla"))
     assert flight.depth.min() >= 40.0 and flight.depth.max() <= 90.0
 
 

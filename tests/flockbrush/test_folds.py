@@ -1,5 +1,6 @@
 """Several clips or parts of one: what is refused together, and what the report of a refitted brush shows."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -52,17 +53,18 @@ def learned_as(brush):
 def test_the_held_out_table_shows_the_brush_that_knew_nothing_of_these_frames(clips, march, monkeypatch, tmp_path):
     """The judged brush is a march, the refitted one a swarm; the frames held out are of a march."""
     clip, swarm = clips["march"], flockbrush.shipped().get("swarm")
-    wishes = LearnOptions([tmp_path / "a.mp4"], tmp_path / "a.brush.toml", quick=True)
+    wishes = LearnOptions([tmp_path / "a.mp4"], tmp_path / "a.brush.toml")
     verdict = judge(clip, march, {}, runs=2)
     first = Findings(march, [clip], clip, learned_as(march), clip, judgement=verdict)
     refit = Findings(swarm, [clip], clip, learned_as(swarm), clip)
     monkeypatch.setattr(learning, "_learned", lambda *_, **__: refit.learned)
     monkeypatch.setattr(learning, "_found", lambda *_: refit)
     monkeypatch.setattr(learning, "_judged", lambda *_: verdict)
-    found = _refitted(
-        BrushTask(wishes.out, [SimpleNamespace(whole=clip)]), [first, first], wishes, SimpleNamespace(asked=0)
-    )
+    task, nobody_asks = BrushTask(wishes.out, [SimpleNamespace(whole=clip)]), SimpleNamespace(asked=0)
+    found = _refitted(task, [first, first], wishes, nobody_asks)
     assert found.brush is swarm and found.judged_brush is march
+    quickly = _refitted(task, [first], replace(wishes, quick=True), nobody_asks)
+    assert quickly.brush is march and quickly.judged_brush is None and "--quick" in quickly.notes[0]
     _compare(found, wishes, None, False)
     shown = found.comparison.verdict("polarization")
     assert shown.met and shown.herd > 0.9, shown

@@ -3,7 +3,6 @@
 import importlib.util
 import json
 import os
-import shutil
 import struct
 import subprocess
 from dataclasses import replace
@@ -14,10 +13,15 @@ import numpy as np
 import pytest
 from browser import Browser, chromium
 from flockbrush.components import Heading, Position
+from flockbrush.systems.landscape import Landscape
+from godot import node_module
 from scene_in_browser import open_scene
 from test_usd import turning
 
 from flockbrush.output.formats.gltf_scene import GltfScene
+from flockbrush.render.gaits import looks_of
+from flockbrush.runs.run import start
+from flockbrush.runs.run_edits import rows_of
 from flockbrush.runs.snapshots import moment_of, words_of
 
 ROOT = Path(__file__).parents[2]
@@ -122,7 +126,7 @@ def test_every_animal_is_a_node_where_it_was_and_looks_where_it_looked(scenes, l
 def test_the_crowd_buffer_has_the_same_herd(scenes, lived):
     about, records = Scene(scenes["crowd"]).crowd()
     last, agents = records[20], lived.agents
-    assert (about["schema"], about["fps"], about["frames"]) == ("flockbrush.crowd/1", 16, 21)
+    assert (about["schema"], about["fps"], about["frames"]) == ("flockbrush.crowd/2", 16, 21)
     assert about["ids"] == agents.ids.tolist()
     assert np.allclose(last["place"], agents[Position.xyz], atol=1e-5)
     turns = last["turn"] / about["turn_scale"]
@@ -151,7 +155,7 @@ def test_a_body_is_as_long_as_the_animal_and_changes_its_brush_when_the_animal_d
         told = float(agents[Body.length][row])
         assert np.allclose(long["march"], (told, 0), atol=1e-4) and np.allclose(long["swarm"], (0, told), atol=1e-4)
         words = scene.nodes[node]["extras"]
-        assert words["id"] == animal and words["species"] == "sheep"
+        assert words["id"] == animal and words["species"] == [[0, "sheep"]]
         assert [name for _, name in words["brush"]] == ["march", "swarm"]
         assert words["group"][-1][1] == words_of(lived)["group"][moment_of(lived).labels["group"][row]]
 
@@ -216,6 +220,84 @@ def test_who_is_not_born_yet_or_dead_is_not_shown(tmp_path, lived, mode):
         assert [scene.local(body, frame / 24)[2][0] for frame in frames] == shown
 
 
+def growing(simulation, frames=32):
+    """Moments of two animals; the first is twice as large from 0.5 s on, and of another look from 1 s on."""
+    moment = rows_of(moment_of(simulation), [0, 1])
+    looks = looks_of(simulation)
+    other = next(k for k, look in enumerate(looks) if look != looks[moment.species[0]])
+    made = []
+    for frame in range(frames):
+        times, species = np.ones(2), moment.species.copy()
+        times[0] = 2.0 if 0.5 <= frame / 24 < 1.25 else 1.0
+        species[0] = other if frame >= 24 else species[0]
+        made.append(
+            replace(moment, time=frame / 24, species=species, length=moment.length * times,
+                    radius=moment.radius * times)
+        )  # fmt: skip
+    return made
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_sizes_and_species_that_change_are_shown_when_they_change(tmp_path, mode):
+    ridge = start("ridge", seed=1)
+    moments = growing(ridge)
+    path = tmp_path / "growing.glb"
+    made = GltfScene(path, ridge, 24, gltf_mode=mode)
+    made.open()
+    for moment in moments:
+        made.take(moment)
+    made.close()
+    ridge.close()
+    scene, frames = Scene(path), (0, 11, 12, 23, 24, 29, 30, 31)
+    names = words_of(ridge)["species"]
+    for row, animal in enumerate(moments[0].ids.tolist()):
+        expected = [(names[moments[f].species[row]], float(moments[f].length[row])) for f in frames]
+        if mode == "crowd":
+            about, records = scene.crowd()
+            bodies = about["first_body"][row] + records["body"][list(frames), row, 0].astype(int)
+            told = [(names[about["species_of"][body]], about["scales"][body][0]) for body in bodies]
+            looks = [about["poses"][records["pose"][f, row, 0]]["look"] for f in frames]
+        else:
+            node = scene.node(f"animal {animal}")
+            meshes = scene.document["meshes"]
+            told, looks = [], []
+            for f in frames:
+                shown = [k for k in scene.nodes[node]["children"] if scene.local(k, f / 24)[2][0] > 0]
+                assert len(shown) == 1
+                name = [word for second, word in scene.nodes[node]["extras"]["species"] if second <= f / 24 + 1e-3][-1]
+                told.append((name, scene.local(shown[0], f / 24)[2][0]))
+                parts = [scene.nodes[k] for k in scene.nodes[shown[0]]["children"]]
+                looks.append(next(meshes[part["mesh"]]["name"].split()[0] for part in parts if "mesh" in part))
+        assert [name for name, _ in told] == [name for name, _ in expected]
+        assert np.allclose([size for _, size in told], [size for _, size in expected], atol=1e-4)
+        assert looks == [looks_of(ridge)[moments[f].species[row]] for f in frames]
+
+
+def test_an_animal_takes_the_short_way_over_the_seam_of_a_periodic_map(tmp_path, lived, monkeypatch):
+    monkeypatch.setattr(Landscape, "wrap", property(lambda _: (40.0, 30.0)))
+    moments = []
+    for frame, x in enumerate((38.0, 39.0, 1.0, 2.0)):  # at the third frame it is over the seam
+        moment = turning(n=1, frames=1)[0]
+        y = 29.5 + 0.5 * frame - 30 * (frame > 0)
+        moments.append(replace(moment, time=frame / 24, xyz=np.array([[x, y, 0.0]])))
+    for mode in MODES:
+        made = GltfScene(tmp_path / f"{mode}.glb", lived, 24, gltf_mode=mode)
+        made.open()
+        for moment in moments:
+            made.take(moment)
+        made.close()
+    scene = Scene(tmp_path / "nodes.glb")
+    node = scene.node("animal 1")
+    channel = next(c for c in scene.document["animations"][0]["channels"]
+                   if c["target"] == {"node": node, "path": "translation"})  # fmt: skip
+    sampler = scene.document["animations"][0]["samplers"][channel["sampler"]]
+    times, places = scene.numbers(sampler["input"])[:, 0], scene.numbers(sampler["output"])
+    middles = [np.interp(t, times, places[:, k]) for t in (0.5 / 24, 1.5 / 24, 2.5 / 24) for k in (0, 1)]
+    assert np.allclose(middles, [38.5, 29.75, 40.0, 0.25, 1.5, 0.75], atol=0.06)
+    assert np.allclose([np.interp(frame / 24, times, places[:, 0]) for frame in range(4)], [38, 39, 1, 2], atol=1e-4)
+    assert Scene(tmp_path / "crowd.glb").crowd()[0]["wrap"] == [40.0, 30.0]
+
+
 def test_a_herd_of_nobody_is_a_scene(tmp_path, lived):
     for mode in MODES:
         path = tmp_path / f"{mode}.glb"
@@ -229,9 +311,9 @@ def test_a_herd_of_nobody_is_a_scene(tmp_path, lived):
 
 
 def test_too_many_animals_for_nodes_are_sent_to_the_crowd(cli, recording, tmp_path, monkeypatch):
-    from flockbrush.output.gltf import nodes
+    from flockbrush.output.gltf import animated_nodes
 
-    monkeypatch.setattr(nodes, "MOST", 10)
+    monkeypatch.setattr(animated_nodes, "MOST", 10)
     done = cli("export", recording, "--to", tmp_path / "a.glb", "--fps", 1)
     assert done.code == 1
     assert "--gltf-mode crowd" in done.err
@@ -239,17 +321,6 @@ def test_too_many_animals_for_nodes_are_sent_to_the_crowd(cli, recording, tmp_pa
 
 
 # other people's tools ------------------------------------------------------------------
-
-
-def node_module(name):
-    """Folder of a package for node, None where it is not installed; NODE_PATH and the global folder are looked in."""
-    if shutil.which("node") is None:
-        return None
-    places = [Path(place) for place in os.environ.get("NODE_PATH", "").split(os.pathsep) if place]
-    if shutil.which("npm"):
-        told = subprocess.run(["npm", "root", "-g"], capture_output=True, text=True, timeout=60)
-        places.append(Path(told.stdout.strip()))
-    return next((place / name for place in places if (place / name).is_dir()), None)
 
 
 @pytest.mark.tools

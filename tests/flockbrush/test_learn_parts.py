@@ -21,10 +21,10 @@ from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.learning.axis_variance import RANDOM, variance_told
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.group_size_test import with_other_numbers
+from flockbrush.learning.html_page import ReportPage
 from flockbrush.learning.initial_conditions import resized
 from flockbrush.learning.learned_brush import brush_of, name_of, order_of
 from flockbrush.learning.learning_charts import panels_of
-from flockbrush.learning.page import ReportPage
 from flockbrush.learning.photo import angular_variance, standing
 from flockbrush.learning.regions import regions_of, within
 from flockbrush.learning.report import as_json, page_of, write_partial, write_report

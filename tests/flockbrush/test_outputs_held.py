@@ -18,7 +18,7 @@ COMMANDS = {  # the first function that each calls in its work
     "plot": ("formation extract IN.csv --plot OUT.png", "cli.formation_commands.read_marks"),
     "fly": ("formation fly IN.json --out OUT.csv", "cli.formation_commands.load_formation"),
     "brush": ("formation brush IN.json --out OUT.brush.toml", "cli.formation_commands.load_formation"),
-    "mark": ("formation mark IN.png --out OUT.csv", "studio.start_marking.read_frames"),
+    "mark": ("formation mark IN.png --out OUT.csv", "studio.start_marking.PictureFilm"),
     "film": ("formation film geese --out OUT.png", "output.formation_film.start"),
     "initiate": ("formation initiate --out OUT.csv", "cli.formation_commands._cell"),
 }

@@ -12,15 +12,16 @@ from flockbrush.film.observe import Watch
 from flockbrush.runs.run import shipped_levels
 
 READ = ("anthill", "city", "gorge", "meadow", "sheep-pasture")
+TWO_WAYS = ("anthill",)  # some swarm, some mill
 TOO_SMALL = ("crowded", "predators-valley", "river", "skein")
 RESTING = ("geese", "savanna")  # in so short a film
 HARDLY = ("elephants", "merino")  # most rest, and some walk a little
 STAYING = ("lake", "pillars")  # outlines of the ground are taken for animals
-MISREAD = ("ridge",)  # docs/fields.md says so
+MIXED = ("ridge",)  # several species
 
 
 def test_every_shipped_level_is_one_of_these():
-    assert sorted((*READ, *TOO_SMALL, *RESTING, *HARDLY, *STAYING, *MISREAD)) == shipped_levels()
+    assert sorted((*READ, *TOO_SMALL, *RESTING, *HARDLY, *STAYING, *MIXED)) == shipped_levels()
 
 
 @pytest.mark.parametrize("level", READ)
@@ -28,6 +29,7 @@ def test_a_clean_film_of_a_level_is_seen_as_the_herd_was(level, tmp_path):
     was, scale = film(level, tmp_path / "walk.mp4")
     now, told = seen(tmp_path / "walk.mp4", scale)
     assert not any("unreliable" in note or "never moves" in note for note in told.notes) and not told.doubt
+    assert any("several species" in note for note in told.notes) == (level in TWO_WAYS)
     assert now.polarization == pytest.approx(was.polarization, abs=0.06)
     assert now.speed == pytest.approx(was.speed, rel=0.15)
     assert now.count == pytest.approx(was.count, rel=0.1)
@@ -62,6 +64,13 @@ def test_that_much_of_what_looks_like_animals_never_moves_is_said(level, tmp_pat
     _, scale = film(level, tmp_path / "walk.mp4")
     _, told = seen(tmp_path / "walk.mp4", scale)
     assert any("of what looks like animals never moves" in note for note in told.notes)
+
+
+@pytest.mark.parametrize("level", MIXED)
+def test_that_a_film_shows_several_kinds_of_animals_is_said(level, tmp_path):
+    _, scale = film(level, tmp_path / "walk.mp4")
+    _, told = seen(tmp_path / "walk.mp4", scale)
+    assert any("several species" in note for note in told.notes)
 
 
 BODY = BodySize(14.0, 6.0, 70.0, 20)

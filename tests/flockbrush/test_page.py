@@ -1,5 +1,6 @@
 """The page of a run, opened in a real browser without a network; and what notebooks show."""
 
+import shutil
 import sys
 import time
 
@@ -30,12 +31,17 @@ def page(shared, recording, command):
 def shown(page):
     """The page in a browser, loaded."""
     with Browser() as browser:
-        browser.open(page)
-        until = time.monotonic() + 60
-        while browser.evaluate("typeof window.flockbrush") != "object" and time.monotonic() < until:
-            time.sleep(0.1)
-        browser.evaluate("window.flockbrush.then(() => 0)")
+        load(browser, page)
         yield browser
+
+
+def load(browser, page):
+    """Open a page and wait until it is ready."""
+    browser.open(page)
+    until = time.monotonic() + 60
+    while browser.evaluate("typeof window.flockbrush") != "object" and time.monotonic() < until:
+        time.sleep(0.1)
+    browser.evaluate("window.flockbrush.then(() => 0)")
 
 
 def asked(browser, expression):
@@ -131,10 +137,14 @@ class TestInABrowser:
 
     def test_dragging_orbits_and_the_plan_looks_straight_down(self, shown):
         asked(shown, "p.view('orbit')")
-        before = asked(shown, "p.camera.position.toArray()")
-        shown.drag((500, 300), (700, 320))
-        drawn(shown)
-        assert not np.allclose(before, asked(shown, "p.camera.position.toArray()"))
+        for button in ("left", "middle"):  # the middle one as in the playground
+            before = asked(shown, "[p.camera.position.toArray(), p.orbit.target.toArray()]")
+            shown.drag((500, 300), (700, 320), button)
+            drawn(shown)
+            after = asked(shown, "[p.camera.position.toArray(), p.orbit.target.toArray()]")
+            away = [np.linalg.norm(np.subtract(*pair)) for pair in (before, after)]
+            assert not np.allclose(before[0], after[0]) and np.allclose(before[1], after[1])
+            assert np.isclose(*away, rtol=1e-6)  # as far away as before: it does not zoom
         asked(shown, "p.view('plan')")
         drawn(shown)
         way = asked(shown, "p.camera.getWorldDirection(new THREE.Vector3()).toArray()")
@@ -156,6 +166,27 @@ class TestInABrowser:
 
     def test_nothing_is_complained_of(self, shown):
         assert shown.complaints == []
+
+
+@tools[0]
+@tools[1]
+def test_an_animal_grows_where_an_edit_says_so_and_its_size_is_that_of_each_frame(cli, recording, tmp_path):
+    run = tmp_path / "pen.flock"
+    shutil.copy(recording, run)
+    cli("edit", run, "--ids", "2", "--look", "size=3", "--from", "0.5", "--until", "1")
+    assert cli("export", run, "--to", tmp_path / "a.html").code == 0
+    with Browser() as browser:
+        load(browser, tmp_path / "a.html")
+        sizes = {}
+        for time_s in (0.0, 0.4375, 0.5, 0.9375, 1.0, 1.25):
+            asked(browser, f"p.run.at({time_s})")
+            told = asked(browser, "['ids', 'length', 'width'].map((n) => [...p.run[n].subarray(0, p.run.count)])")
+            sizes[time_s] = dict(zip(told[0], zip(*told[1:], strict=True), strict=True))
+        assert browser.complaints == []
+    first = sizes[0.0]
+    for time_s, now in sizes.items():
+        times = {animal: 3 if animal == 2 and 0.5 <= time_s < 1 else 1 for animal in now}
+        assert all(np.allclose(now[a], np.multiply(first[a], times[a]), rtol=1e-6) for a in now), time_s
 
 
 def test_feet_stay_where_they_stand():

@@ -10,7 +10,7 @@ from flockbrush.engine.recording_format import KEYFRAME, packed_size, record, re
 from flockbrush.engine.state import restore, snapshot, snapshot_parts, state_hash
 from pens import pen
 
-from flockbrush.cli import commands
+from flockbrush.cli import level_commands
 from flockbrush.runs import run as running
 
 
@@ -81,15 +81,15 @@ def test_the_size_of_what_is_packed_is_known_before(herd):
 
 
 def test_a_large_recording_is_announced(capsys, tmp_path, monkeypatch):
-    commands.tell_size(tmp_path / "a.flock", 10**6)
+    level_commands.tell_size(tmp_path / "a.flock", 10**6)
     assert capsys.readouterr().err == ""
-    commands.tell_size(tmp_path / "a.flock", 10**8)
+    level_commands.tell_size(tmp_path / "a.flock", 10**8)
     assert "a.flock: the recording will need about 100 MB\n" in capsys.readouterr().err
     monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 5 * 10**7}))
-    commands.tell_size(tmp_path / "a.flock", 10**8)
+    level_commands.tell_size(tmp_path / "a.flock", 10**8)
     assert "will need about 100 MB, but the disk has only 50 MB free\n" in capsys.readouterr().err
     monkeypatch.setattr("shutil.disk_usage", lambda path: type("Usage", (), {"free": 3 * 10**5}))
-    commands.tell_size(tmp_path / "a.flock", 12 * 10**5)
+    level_commands.tell_size(tmp_path / "a.flock", 12 * 10**5)
     assert "will need about 1.2 MB, but the disk has only 0.3 MB free\n" in capsys.readouterr().err
 
 

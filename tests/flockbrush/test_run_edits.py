@@ -13,9 +13,9 @@ from flockbrush.engine.recording import open_recording, resume
 from test_gltf import Scene
 
 from flockbrush.runs.edit_file import beside, edits_of, ids_of, ids_text, parse_edits
+from flockbrush.runs.recording_selection import Selection, chosen
 from flockbrush.runs.run import rebuild, start
 from flockbrush.runs.run_edits import Edit, EditedMoments, Past
-from flockbrush.runs.selection import Selection, chosen
 from flockbrush.runs.snapshots import moment_of, words_of
 
 
@@ -239,12 +239,45 @@ def test_undo_redo_and_layers(cli, run):
     assert cli("edit", run, "--off", "fast").code == 0
     assert [e.kind for e in edits_of(run).edits()] == ["delete"]
     listed = cli("edit", run)
-    assert "retime 24 animals from 0.5 s: speed 2.0" in listed.out and "species sheep at 0.5 s" in listed.out
+    assert "retime 23 animals from 0.5 s: speed 2.0" in listed.out and "species sheep at 0.5 s" in listed.out
     assert cli("edit", run, "--freeze", "--ids", "2").code == 0
     done = cli("edit", run, "--redo")
     assert done.code == 1 and "nothing to redo" in done.err  # a new edit ends what could be done again
     assert cli("edit", run, "--remove-layer", "fast").code == 0
     assert [layer.name for layer in edits_of(run).layers] == ["edits"]
+
+
+def test_animals_are_selected_as_the_edits_so_far_show_them(cli, run, told):
+    _, moments = told
+    here = moments[16]
+    old, new = here.xyz[here.ids == 1][0, :2], here.xyz[here.ids == 1][0, :2] + (40, 0)
+
+    def around(point):
+        x, y = point
+        return ("--box", f"{x - 0.01},{y - 0.01},{x + 0.01},{y + 0.01}", "--at", "0.5")
+
+    def selected(*how):
+        done = cli("edit", run, *how, "--look", "size=2")
+        return list(edits_of(run).edits()[-1].ids) if done.code == 0 else done.err
+
+    assert selected(*around(old)) == [1]
+    assert cli("edit", run, "--undo").code == 0
+    assert cli("edit", run, "--ids", "1", "--move", "40,0").code == 0
+    assert "no animal is selected" in selected(*around(old))
+    assert selected(*around(new)) == [1]
+    assert cli("edit", run, "--ids", "2", "--delay", "0.25").code == 0
+    then = moments[8]  # where animal 2 is shown a quarter of a second later
+    assert selected(*around(then.xyz[then.ids == 2][0, :2])) == [2]
+    assert cli("edit", run, "--ids", "3", "--delete").code == 0
+    assert selected("--species", "sheep") == [animal for animal in here.ids.tolist() if animal != 3]
+
+
+def test_a_turn_is_about_the_middle_of_the_animals_as_they_are_shown(cli, run, told):
+    first = told[1][0]
+    cli("edit", run, "--ids", "1-2", "--move", "10,20")
+    assert cli("edit", run, "--ids", "1-2", "--turn", "90").code == 0
+    middle = first.xyz[:2, :2].mean(axis=0) + (10, 20)
+    assert edits_of(run).edits()[-1].about == pytest.approx(middle, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -332,7 +365,7 @@ def test_a_file_comes_back_as_it_was_written(cli, run):
     file.save()
     assert file.path.read_bytes() == text
     again = edits_of(run)
-    assert (again.layers, again.order, again.undone) == (file.layers, file.order, file.undone)
+    assert (again.layers, again.done, again.undone) == (file.layers, file.done, file.undone)
 
 
 # exports ------------------------------------------------------------------------------------
@@ -360,7 +393,7 @@ def test_every_kind_of_export_shows_the_edits_and_says_so(cli, run, tmp_path, to
     about, records = Scene(outs[1]).crowd()
     assert about["ids"] == left and "group" in records.dtype.names
     assert np.allclose(records[20]["place"][0], half.xyz[half.ids == 5][0], atol=1e-4)
-    assert about["scales"][1][0] == pytest.approx(2 * half.length[half.ids == 6][0], abs=1e-4)
+    assert about["scales"][about["first_body"][1]][0] == pytest.approx(2 * half.length[half.ids == 6][0], abs=1e-4)
 
     from pxr import Usd, UsdGeom
 

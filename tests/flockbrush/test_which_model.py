@@ -15,12 +15,12 @@ import flockbrush
 from benchmarks.learning_models import evidence_of, tracks_of, truths
 from benchmarks.learning_models import table_of as confusion_of
 from flockbrush.learning.confounding import estimates_of
+from flockbrush.learning.html_page import ReportPage
 from flockbrush.learning.learned_brush import brush_of
 from flockbrush.learning.likelihood import likelihoods, place, read
 from flockbrush.learning.model_choice import add_models, as_json, check_kind, table_of
 from flockbrush.learning.model_fit import kinds_of_models, learned_model
 from flockbrush.learning.next_step import NextSteps
-from flockbrush.learning.page import ReportPage
 from flockbrush.learning.perceive import perceive
 from flockbrush.learning.rollout import HerdStart, Surroundings, rollout, theta_of
 from flockbrush.learning.turns import predicted, thinned, turns_of

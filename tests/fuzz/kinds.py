@@ -171,7 +171,7 @@ class Recordings(Kind):
     def read(self, path):
         from flockbrush.engine.recording import first_difference, open_recording, resume
 
-        from flockbrush.cli.commands import differing
+        from flockbrush.cli.level_commands import differing
         from flockbrush.runs.run import go_to, rebuild
 
         run = open_recording(path)

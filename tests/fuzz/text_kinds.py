@@ -187,7 +187,7 @@ class Marks(Kind):
     def read(self, path):
         from flockbrush.behaviours.formation.extraction import extract
         from flockbrush.behaviours.formation.formation_shapes import read_formation, to_json
-        from flockbrush.behaviours.formation.marks import read_marks
+        from flockbrush.behaviours.formation.marked_birds import read_marks
 
         marks, _ = read_marks(path)
         read_formation(json.loads(to_json(extract(marks))), str(path))

@@ -2,8 +2,8 @@
 
 from flockbrush.behaviours.brush import shipped
 from flockbrush.levels.editor import Editor
+from flockbrush.levels.level_writer import Document
 from flockbrush.levels.reader import read_level_text
-from flockbrush.levels.writer import Document
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from small_level import level

@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass
 from types import SimpleNamespace
 
+import cv2
 import pytest
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.reader import read_level_files
@@ -61,6 +62,11 @@ def polyline(*points):
 def polygon(*points):
     """The shape of a polygon object."""
     return {"polygon": [{"x": x, "y": y} for x, y in points]}
+
+
+def png(picture):
+    """An array as a PNG file."""
+    return cv2.imencode(".png", picture)[1].tobytes()
 
 
 def herd(**values):

@@ -11,7 +11,7 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.build import build
 from flockbrush.levels.editor import EditError, Editor
-from flockbrush.levels.writer import Document
+from flockbrush.levels.level_writer import Document
 from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing
 from hypothesis import given, settings
@@ -82,7 +82,7 @@ def back_and_forth(edit):
     while edit.redo_label:
         edit.redo()
     end = edit.text()
-    steps = len(edit._done)
+    steps = len(edit.done)
     while edit.undo_label:
         edit.undo()
     for _ in range(steps):

@@ -15,9 +15,9 @@ from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.build import build
 from flockbrush.levels.editor import Editor
+from flockbrush.levels.level_writer import Document, dump
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level
-from flockbrush.levels.writer import Document, dump
 from flockbrush.systems.commands import AddAnimals, AddObstacle, SetParameter
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, UseBrush, fill
 from flockbrush.systems.landscape import Landscape

@@ -9,7 +9,7 @@ from flockbrush.systems.edits import DrawGuide, Paint, PlaceGoal, RemoveThing
 
 
 def stacks(edit):
-    return [[(s.label, s.commands, s.back, s.tick, s.again) for s in steps] for steps in (edit._done, edit._undone)]
+    return [[(s.label, s.commands, s.back, s.tick, s.again) for s in steps] for steps in (edit.done, edit.undone)]
 
 
 def history(edit, journal):
@@ -72,8 +72,8 @@ def test_the_document_of_another_time_with_what_came_after_to_be_done_again(tmp_
     end, steps = edit.text(), stacks(edit)
     early = edit.at(10)
     assert read(early).guides == []
-    assert len(early._done) == 1
-    assert [s.tick for s in early._undone] == [10]
+    assert len(early.done) == 1
+    assert [s.tick for s in early.undone] == [10]
     assert read(edit.at(10, after=True)).guides[0].name == "way"
     assert edit.at(0).undo_label is None
     early.redo(12)

@@ -8,7 +8,7 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.mixture import BrushPath, path_to_toml
 from flockbrush.levels.hints import mixing_hints
 from flockbrush.levels.schema import BrushLayer, PaintBounds
-from small_level import herd, level, objects, polyline, problems, properties, read, thing, tiles, with_objects
+from small_level import herd, level, objects, png, polyline, problems, properties, read, thing, tiles, with_objects
 
 
 def warnings(document):
@@ -156,3 +156,36 @@ class TestPaint:
         made = SimpleNamespace(brush_layers=[mixing], zones=[], spawns=pairs)
         mixing_hints(made, {}, library, SimpleNamespace(warn=told.append))
         assert len(told) == (said is not None) and all(said in words for words in told)
+
+
+BANK = np.repeat([0, 200], 10).astype(np.uint8)[:, None].repeat(20, 1)  # up to the south
+RAMP = np.where(np.arange(20) < 5, np.linspace(0, 200, 20)[:, None], BANK).astype(np.uint8)
+HILLSIDE = np.linspace(0, 200, 20).astype(np.uint8)[:, None].repeat(20, 1)
+
+
+class TestSteepGround:
+    """A herd in the north, its goal in the south, and a bank of 4 m between them unless a test wants other hills."""
+
+    def warned(self, species="sheep", picture=BANK, metres=0.02, goals=True):
+        hills = {"type": "imagelayer", "name": "height", "image": "hills.png"}
+        hills["properties"] = properties(metres_per_level=metres)
+        spawn = thing(1, "Spawn", 8, 8, 140, 40, "herd A", brush="march", count=3, species=species)
+        ponds = [objects("goals", goal(2, "pond", 80, 150))] if goals else []
+        document = level(tiles(), objects("spawns", spawn), *ponds, hills)
+        return [str(warning) for warning in read(document, {"hills.png": png(picture)}).warnings]
+
+    def test_a_goal_that_a_species_cannot_reach_is_named(self):
+        (found,) = self.warned()
+        assert "object 1 'herd A' in layer 'spawns': warning: no way leads to goal 'pond'" in found
+        assert "the ground between is steeper than species 'sheep' walks (walk.steepest is 1)" in found
+
+    @pytest.mark.parametrize(
+        "more", [{"species": "ant"}, {"picture": RAMP}, {"metres": 0.004}, {"goals": False}, {"species": "animal"}],
+        ids=["ant", "ramp", "low bank", "no goal", "a name alone"],
+    )  # fmt: skip
+    def test_there_is_no_warning_where_it_can(self, more):
+        assert self.warned(**more) == []
+
+    def test_a_spawn_on_ground_that_is_too_steep_is_named(self):
+        (found,) = self.warned(picture=HILLSIDE, metres=0.2, goals=False)
+        assert "more than half of it is steeper than species 'sheep' walks" in found

@@ -4,7 +4,6 @@ import json
 import math
 import struct
 
-import cv2
 import flockbrush.levels.build  # noqa: F401  all commands are known
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from small_level import (
     herd,
     level,
     objects,
+    png,
     polygon,
     polyline,
     problem,
@@ -29,10 +29,6 @@ from small_level import (
     tiles,
     with_objects,
 )
-
-
-def png(picture):
-    return cv2.imencode(".png", picture)[1].tobytes()
 
 
 class TestDefaults:

@@ -6,8 +6,8 @@ import os
 
 import pytest
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.level_writer import Document, dump, write_level
 from flockbrush.levels.reader import read_level
-from flockbrush.levels.writer import Document, dump, write_level
 from small_level import Gust, Shelf, herd, level, objects, polyline, thing, tiles
 
 

@@ -16,12 +16,12 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.components import Velocity
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.levels.level_class import ENUMS
+from flockbrush.levels.level_writer import dump
 from flockbrush.levels.reader import read_level
 from flockbrush.levels.schema import CLASSES, tables
 from flockbrush.levels.terrain_kinds import TERRAINS
 from flockbrush.levels.tile_pictures import BRUSHES_FILE, known_brushes
 from flockbrush.levels.tiled import init, object_types, project, project_files, renew_brushes, tile_order, write_project
-from flockbrush.levels.writer import dump
 
 from flockbrush import levels
 from flockbrush.runs.run import start

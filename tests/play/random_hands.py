@@ -11,10 +11,10 @@ from pygame_gui.core.interfaces import IContainerLikeInterface
 from window import Window
 
 from flockbrush.render.overlays import OVERLAYS
-from flockbrush.studio.app import said
 from flockbrush.studio.history import History
 from flockbrush.studio.shortcuts import ACTIONS
 from flockbrush.studio.tools import TOOLS
+from flockbrush.studio.window import said
 
 KEYS = [key for action in ACTIONS for key in action.keys if action.name not in ("quit", "fullscreen", "video")]
 MISTAKES = (ProblemsError, CommandError, RecordingError, OSError)  # of people and disks, not of ours
@@ -40,7 +40,7 @@ class RandomHands(Window):
             self.try_tab: 2, self.try_paint: 3, self.try_scrub: 2, self.try_rest: 12, self.try_overlay: 3,
         }  # fmt: skip
 
-    def _guarded(self, do, *arguments):
+    def guarded(self, do, *arguments):
         try:
             return do(*arguments)
         except Exception as error:  # noqa: BLE001  all are wanted here
@@ -137,7 +137,7 @@ class RandomHands(Window):
 
     def try_tab(self):
         if self.column is not None:
-            self._guarded(self.column.show, self.random.randrange(5))
+            self.guarded(self.column.show, self.random.randrange(5))
 
     def try_scrub(self):
         self.scrub(self.random.randrange(self.session.last_tick + 1))

@@ -20,6 +20,7 @@ from tests.clip_film import STARTS, STEPS, bird_film, numbered_film
 from tests.play.window import MODS, NAMES
 
 from flockbrush.studio.film.clip_window import ClipWindow  # isort: skip  # the window of the tests has no screen
+from flockbrush.studio.lift_window import LiftWindow  # isort: skip
 
 
 class Hands(ClipWindow):
@@ -348,19 +349,33 @@ def test_paths_drawn_on_an_empty_sky_become_tracks(open_window):
     assert window.book.state.sketch.paths[0].points[0][1] == pytest.approx(200, abs=2)
 
 
-def test_a_sketch_is_lifted_in_a_window_of_its_own(open_window, monkeypatch):
-    window = open_window(Sky((640, 360), 60), "sketch")
+def test_a_sketch_is_lifted_and_shown_in_place_of_the_clip_until_it_is_closed(open_window, monkeypatch):
+    window, flights = open_window(Sky((640, 360), 60), "sketch"), []
     window.drag((60, 80), (560, 90))
     window.push("Lift and view")
     assert window.dialog.alive()
-    monkeypatch.setattr(
-        window.lifting, "command", lambda tracks: [sys.executable, "-c", f"print({str(tracks)!r}); 1/0"]
-    )
+
+    def look(flight, dt):
+        flights.append((flight.show.name, len(flight.show), pygame.display.get_caption()[0]))
+        flight.quit()
+
+    monkeypatch.setattr(LiftWindow, "frame", look)
     window.dialog.answer(next(iter(window.dialog.answers)))
     assert "horizontal_fov_deg = 60" in window.book.place("camera.toml").read_text()
-    window.lifting._running[0][0].wait(20)
-    window.frame(1 / 30)
-    assert "ZeroDivisionError" in window.said()[-1]
+    window.run(frames=3)
+    path = str(window.book.place("sketch.csv"))
+    assert flights == [(path, 60, f"{path} – Flight – Flockbrush")]
+    assert window.running and pygame.display.get_caption()[0] == window.title()
+
+
+def test_a_sketch_that_cannot_be_lifted_is_a_message(open_window, monkeypatch):
+    window = open_window(Sky((640, 360), 60), "sketch")
+    window.drag((60, 80), (560, 90))
+    window.push("Lift and view")
+    window.dialog.answer(next(iter(window.dialog.answers)))
+    window.book.place("sketch.csv").write_text("frame,id,x\n")
+    window.run(frames=2)
+    assert "sketch.csv" in window.said()[-1] and window.running
 
 
 # files ----------------------------------------------------------------------------------

@@ -6,6 +6,8 @@ from pygame_gui.elements import UIDropDownMenu, UIHorizontalSlider
 from small_pasture import pasture
 from window import Window
 
+from flockbrush.studio.shortcuts import BY_NAME, tip_of
+
 
 @pytest.fixture
 def window(tmp_path):
@@ -66,7 +68,7 @@ def test_arrows_turn_a_slider_and_escape_gives_the_keys_back(window):
 def test_enter_presses_a_button_and_space_does_not_play(window):
     key(window, pygame.K_F6)
     playing, theme = window.session.playing, window.theme.name
-    go_to(window, lambda one: window.buttons.get(one) is not None and window.buttons[one].name == "help")
+    go_to(window, lambda one: one in window.buttons and one.tool_tip_text == tip_of(BY_NAME["help"]))
     key(window, pygame.K_SPACE)
     assert window.help is not None and window.help.alive()
     assert (window.session.playing, window.theme.name) == (playing, theme)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.brush import flies_free
 from flockbrush.components import Position
 from small_pasture import pasture
 from window import Window
@@ -28,7 +29,7 @@ def test_a_level_of_birds_opens_in_space_with_all_of_them_in_frame(pillars):
 
 def test_the_brush_in_hand_is_one_that_the_birds_follow(pillars):
     brush = pillars.find_brush(pillars.brush)
-    assert brush.is_made_for("starling", ("bird", "flock")) and pillars.brush != "starlings"
+    assert brush.is_made_for("starling", ("bird", "flock")) and pillars.brush != "starlings" and flies_free(brush)
 
 
 def test_the_birds_stay_in_frame_while_they_fly(pillars):

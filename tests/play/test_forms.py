@@ -6,7 +6,7 @@ from flockbrush.components import Leading, Position
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.edits import MarkSpawn
 from small_pasture import pasture
-from window import Window
+from window import Window, pygame
 
 from flockbrush.studio.forms import blank, changed, live_commands, rows_of
 
@@ -73,6 +73,22 @@ def test_a_chain_of_goals_is_made_in_the_window_undone_and_saved(window, tmp_pat
     assert window.session.save(tmp_path / "chain.tmj")
     saved = {goal.name: goal.next for goal in read_level(tmp_path / "chain.tmj").goals}
     assert saved[one.name] == two.name
+
+
+def test_the_letter_that_opens_a_form_is_not_typed_into_it(window):
+    def press(kind):
+        window.post(kind, key=pygame.K_k, mod=0, unicode="k")
+
+    press(pygame.KEYDOWN)
+    first = next(iter(window.dialog.entries.values()))
+    before = first.get_text()
+    window.post(pygame.TEXTINPUT, text="k")
+    press(pygame.KEYDOWN)  # it is held, and repeats
+    window.post(pygame.TEXTINPUT, text="k")
+    assert first.get_text() == before
+    press(pygame.KEYUP)
+    window.post(pygame.TEXTINPUT, text="k")
+    assert first.get_text() == "k"
 
 
 def test_what_a_form_cannot_take_is_said_and_the_form_stays(window):

@@ -7,60 +7,32 @@ from flockbrush.engine.problems import ProblemsError
 from typer.testing import CliRunner
 
 from flockbrush.cli.main import app as commands
-from flockbrush.film.bird_marking import Album, read_frames
+from flockbrush.film.picture_marks import PictureBook, PictureFilm
 from tests.flock_film import V, film
-from tests.play.window import MODS
-
-from flockbrush.studio.bird_marking_window import Marking  # isort: skip  # the window of the tests has no screen
-
-
-class Hands(Marking):
-    """The window, with hands; places are pixels of the picture."""
-
-    def post(self, kind, **values):
-        pygame.event.post(pygame.event.Event(kind, **values))
-        self.frame(1 / 30)
-
-    def at(self, place):
-        x, y = self._at(place)
-        return round(x + self.area.x), round(y + self.area.y)
-
-    def click(self, place, button=1):
-        for kind in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP):
-            self.post(kind, pos=self.at(place), button=button)
-
-    def drag(self, start, end):
-        """Between pixels of the window."""
-        self.post(pygame.MOUSEBUTTONDOWN, pos=start, button=1)
-        for share in (0.3, 0.7, 1.0):
-            pos = tuple(np.round(np.add(start, np.subtract(end, start) * share)).astype(int).tolist())
-            self.post(pygame.MOUSEMOTION, pos=pos, rel=(0, 0), buttons=(1, 0, 0))
-        self.post(pygame.MOUSEBUTTONUP, pos=end, button=1)
-
-    def key(self, name, *mods):
-        mod = sum(MODS[m] for m in mods)
-        self.post(pygame.KEYDOWN, key=pygame.key.key_code(name), mod=mod, unicode="")
-
-    def number(self, bird):
-        return self._labels[bird].move(self.area.topleft).center
+from tests.play.test_clip_window import Hands
 
 
 @pytest.fixture
 def open_window(tmp_path, shown):
-    def open_(paths, **options):
-        return shown(Hands(Album(read_frames(paths)), tmp_path / "marks.csv", (900, 640), "light", **options))
+    def open_(paths):
+        return shown(Hands(PictureBook(PictureFilm(paths), tmp_path / "marks.csv"), (1100, 640), "light"))
 
     return open_
 
 
 def places(window, k):
-    return {bird: (round(mark.x), round(mark.y)) for bird, mark in window.album.birds(k).items()}
+    return {bird: (round(x), round(y)) for bird, (x, y) in window.book.state.birds.at(k).items()}
+
+
+def number(window, bird):
+    """Where the number of a bird is in the window, pixels."""
+    return window.mode._labels[bird].move(window.area.topleft).center
 
 
 def test_birds_are_found_and_keep_their_numbers_through_the_frames(tmp_path, open_window):
     window = open_window(film(tmp_path))
     assert all(places(window, k) == {b: (x + 3 * k, y + 2 * k) for b, (x, y) in enumerate(V)} for k in range(4))
-    assert "V: two straight arms" in window.kind.said
+    assert window.mode.kind.said == "V" and "two straight arms" in window.mode.shape().why
 
 
 def test_a_bird_that_is_added_is_carried_on_but_not_into_frames_somebody_has_touched(tmp_path, open_window):
@@ -72,9 +44,9 @@ def test_a_bird_that_is_added_is_carried_on_but_not_into_frames_somebody_has_tou
     assert [len(places(window, k)) for k in range(4)] == [10, 10, 10, 10]
     assert places(window, 2)[10] == (66, 224)
     assert places(window, 3)[9] == (30, 260)
-    window.key("z", "ctrl")
+    window.key("ctrl+z")
     assert [len(places(window, k)) for k in range(4)] == [9, 9, 9, 10]
-    window.key("z", "ctrl", "shift")
+    window.key("ctrl+shift+z")
     assert len(places(window, 0)) == 10
 
 
@@ -84,12 +56,29 @@ def test_a_bird_that_is_removed_does_not_come_back_in_later_frames(tmp_path, ope
     window.click(places(window, 1)[2], button=3)
     assert [2 in places(window, k) for k in range(4)] == [True, False, False, False]
     assert [len(places(window, k)) for k in range(4)] == [9, 8, 8, 8]
-    assert window.album.partly() == {2: 1}
+    assert window.book.state.birds.partly() == {2: 1}
+
+
+def test_a_bird_that_is_removed_is_gone_from_later_frames_that_were_corrected(tmp_path, open_window):
+    window = open_window(film(tmp_path))
+    window.key("end")
+    window.click((30, 260))
+    window.key("home")
+    window.click(V[2], button=3)
+    assert [2 in places(window, k) for k in range(4)] == [False] * 4
+    assert [len(places(window, k)) for k in range(4)] == [8, 8, 8, 9]
+
+
+def test_a_mark_beside_another_bird_is_carried_on(tmp_path, open_window):
+    window = open_window(film(tmp_path))
+    x, y = V[3]
+    window.book.do("add", "formation", 0, birds=window.book.state.birds.put(0, 9, x, y + 10))
+    assert [places(window, k)[9] for k in range(4)] == [(x + 3 * k, y + 10 + 2 * k) for k in range(4)]
 
 
 def test_a_bird_that_is_dragged_is_there_and_goes_on_from_there(tmp_path, open_window):
     window = open_window(film(tmp_path))
-    window.drag(window.at(V[0]), window.at((60, 120)))
+    window.drag(V[0], (60, 120))
     assert np.allclose(places(window, 0)[0], (60, 120), atol=1)
     assert np.allclose(places(window, 3)[0], (69, 126), atol=1)
     assert len(places(window, 3)) == 9  # what it was taken for is no bird
@@ -99,7 +88,7 @@ def test_a_number_dragged_onto_another_bird_swaps_them_from_there_on(tmp_path, o
     window = open_window(film(tmp_path))
     window.key("right")
     old = [places(window, k) for k in range(4)]
-    window.drag(window.number(1), window.at(places(window, 1)[6]))
+    window.drag_pixels(number(window, 1), window.pixel(places(window, 1)[6]))
     assert places(window, 0) == old[0]
     assert all(places(window, k)[1] == old[k][6] and places(window, k)[6] == old[k][1] for k in (1, 2, 3))
 
@@ -110,32 +99,31 @@ def test_a_click_where_a_bird_was_lost_finds_it_again_with_its_number(tmp_path, 
     window.key("right")
     window.click((V[3][0] + 3, V[3][1] + 2))
     assert places(window, 3)[3] == (V[3][0] + 9, V[3][1] + 6)
-    assert window.album.partly() == {}
+    assert window.book.state.birds.partly() == {}
 
 
 def test_what_was_saved_is_extracted_and_taken_up_again(tmp_path, open_window):
     paths = film(tmp_path)
     window = open_window(paths)
     window.click(places(window, 0)[8], button=3)
-    window.drag(window.at(V[7]), window.at((V[7][0] + 4, V[7][1] + 3)))
-    assert window.album.dirty
-    window.key("s", "ctrl")
-    assert not window.album.dirty
-    done = CliRunner().invoke(commands, ["formation", "extract", str(window.out), "--json"])
+    window.drag(V[7], (V[7][0] + 4, V[7][1] + 3))
+    assert window.book.dirty
+    window.key("ctrl+s")
+    assert not window.book.dirty
+    done = CliRunner().invoke(commands, ["formation", "extract", str(window.book.out), "--json"])
     assert done.exit_code == 0, done.output
     assert done.output.count('"kind": "V"') == 4
-    again = Album(read_frames(paths))
-    again.load(window.out)
-    assert [again.birds(k).keys() for k in range(4)] == [window.album.birds(k).keys() for k in range(4)]
+    again = PictureBook(PictureFilm(paths), window.book.out)
+    mine, theirs = again.state.birds, window.book.state.birds
+    assert [mine.at(k).keys() for k in range(4)] == [theirs.at(k).keys() for k in range(4)]
     assert not again.dirty
 
 
 def test_one_photograph_works(tmp_path, open_window):
     window = open_window(film(tmp_path, 1))
-    assert window.slider is None
     window.click((30, 30))
-    window.key("s", "ctrl")
-    assert len(window.out.read_text().splitlines()) == 11
+    window.key("ctrl+s")
+    assert len(window.book.out.read_text().splitlines()) == 11
 
 
 def test_unsaved_marks_are_asked_about(tmp_path, open_window):
@@ -147,12 +135,12 @@ def test_unsaved_marks_are_asked_about(tmp_path, open_window):
     assert window.running
     window.post(pygame.QUIT)
     window.key("return")
-    assert not window.running and window.out.exists()
+    assert not window.running and window.book.out.exists()
 
 
 def test_nothing_is_written_where_nothing_can_be(tmp_path, open_window):
     window = open_window(film(tmp_path, 1))
-    window.out = tmp_path / "away" / "marks.csv"
+    window.book.out = tmp_path / "away" / "marks.csv"
     assert not window.save()
     assert "marks.csv" in window.toasts.log[-1].text and window.toasts.log[-1].kind == "error"
 
@@ -160,7 +148,7 @@ def test_nothing_is_written_where_nothing_can_be(tmp_path, open_window):
 def test_marks_of_other_pictures_are_not_overwritten(tmp_path):
     (tmp_path / "m.csv").write_text("frame,bird,x_px,y_px\nother.png,0,3,4\n")
     with pytest.raises(ProblemsError, match="no marks for these pictures"):
-        Album(read_frames(film(tmp_path, 1))).load(tmp_path / "m.csv")
+        PictureBook(PictureFilm(film(tmp_path, 1)), tmp_path / "m.csv")
 
 
 def test_the_command_opens_a_window_and_says_what_is_wrong(tmp_path, monkeypatch):

@@ -21,9 +21,16 @@ def level(tmp_path_factory):
     return pasture(tmp_path_factory.mktemp("tuned"))
 
 
+def advanced(level, **options):
+    """The panel with all parameters of the brush."""
+    window = SmallWindow(level, BrushPanel, **options)
+    window.click(window.panel.mode)
+    return window
+
+
 @pytest.fixture
 def window(level):
-    made = SmallWindow(level, BrushPanel, brush="march")
+    made = advanced(level, brush="march")
     yield made
     made.close()
 
@@ -234,13 +241,13 @@ def test_a_new_brush_of_nothing_changed_says_so():
 @pytest.mark.parametrize("size", [(200, 140), (260, 300), (700, 1300)])
 @pytest.mark.parametrize("scale", [0.8, 2.0])
 def test_a_column_of_any_size_holds_the_panel(level, size, scale):
-    window = SmallWindow(level, BrushPanel, scale=scale, size=size)
+    window = advanced(level, scale=scale, size=size)
     assert window.panel.rows
     window.close()
 
 
 def test_a_level_that_comes_with_flockbrush_keeps_its_folder_and_says_why():
-    window = SmallWindow("meadow", BrushPanel, brush="march")
+    window = advanced("meadow", brush="march")
     window.panel.save_as("shy-march")
     window.frames(2)
     assert "part of Flockbrush or of a recording; first save the level elsewhere" in window.said[-1][1]

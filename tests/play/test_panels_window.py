@@ -54,7 +54,7 @@ def running(window, name="march"):
 def test_a_slider_turns_the_herd_and_undo_turns_it_back(window):
     panel, before = show(window, "Brush"), running(window)
     window.session.play()
-    drag(window, row(panel, "mean").slider.sliding_button, 40)
+    drag(window, row(panel, "pace").slider.sliding_button, 40)
     assert running(window).speed.mean > before.speed.mean
     window.key("ctrl+z")
     assert running(window) == before
@@ -65,6 +65,7 @@ def test_a_slider_turns_the_herd_and_undo_turns_it_back(window):
 
 def test_what_was_tuned_is_saved_by_name_and_can_be_painted_with(window, tmp_path):
     panel = show(window, "Brush")
+    window.push(panel.mode)
     panel.turn(row(panel, "mean").knob, 2.5, True)
     window.push(panel.save)
     window.dialog.entry.set_text("")

@@ -21,9 +21,13 @@ TICKS = 64
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """Two seconds of the pasture."""
-    folder = tmp_path_factory.mktemp("recorded")
+    return two_seconds(tmp_path_factory.mktemp("recorded"), script=False)
+
+
+def two_seconds(folder, **options):
+    """The bytes of a recording of a new pasture."""
     made = folder / "walk.flock"
-    ran = CliRunner().invoke(cli, ["run", str(pasture(folder, script=False)), "--seconds", "2", "--record", str(made)])
+    ran = CliRunner().invoke(cli, ["run", str(pasture(folder, **options)), "--seconds", "2", "--record", str(made)])
     assert ran.exit_code == 0, ran.output
     return made.read_bytes()
 
@@ -235,6 +239,24 @@ def test_all_of_a_species_turn_about_their_middle(window, exported):
     window.dialog.entries["turn"].set_text("90")
     window.key("return")
     same_as_exported(window, exported, 0, TICKS)
+
+
+def test_all_of_a_brush_are_those_that_are_shown_with_it(tmp_path, monkeypatch):
+    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
+        monkeypatch.setenv(name, str(tmp_path / name))
+    two_seconds(tmp_path)  # all march at first, and swarm later
+    window = opened(tmp_path / "walk.flock", tmp_path / "state")
+    edits, everybody, made = window.session.edits, sorted(shown(window)), panel(window)
+    edits.select(everybody[:3])
+    assert window.edit_recorded("look", brush="swarm")
+    edits.select(everybody[3:5])
+    assert window.edit_recorded("delete")
+    made._select("brush swarm")
+    assert edits.selected.tolist() == everybody[:3]
+    made._select("all animals")
+    assert edits.selected.tolist() == everybody[:3] + everybody[5:]
+    assert window.said("error") == []
+    window.close()
 
 
 def test_layers_are_switched_and_removed(window, recording):

@@ -135,7 +135,7 @@ def test_edits_come_back_with_their_undo_and_in_every_branch(level, state):
 
 def told_of(editor):
     """An editor in short."""
-    labels = [[step.label for step in steps] for steps in (editor._done, editor._undone)]
+    labels = [[step.label for step in steps] for steps in (editor.done, editor.undone)]
     return editor.text(), labels, editor.dirty
 
 

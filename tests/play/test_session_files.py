@@ -11,8 +11,8 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.components import BrushBinding
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.state import state_hash
+from flockbrush.levels.level_writer import Document
 from flockbrush.levels.reader import read_level
-from flockbrush.levels.writer import Document
 from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter
 from flockbrush.systems.edits import DrawGuide, MarkSpawn
 from flockbrush.systems.palette import Palette
@@ -130,7 +130,7 @@ def test_undo_goes_on_where_the_herd_cannot_follow(session, monkeypatch):
     session.do("rock", [rock(session.editor.new_id())])
     before = session.editor.text()
     session.do("guide", [DrawGuide(session.editor.new_id(), "way", [[2, 2], [9, 2]])])
-    monkeypatch.setattr(session.editor._done[-1], "back", [RemoveAnimals(6, 8, 1, "cow")])
+    monkeypatch.setattr(session.editor.done[-1], "back", [RemoveAnimals(6, 8, 1, "cow")])
     assert session.undo() and session.editor.text() == before
     assert "undone in the level, but not in the running herd: there is no species 'cow'" in texts(session)[0]
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from crashed_session import crashed, sessions, texts, thrown_away
 from flockbrush.engine.recording import RecordingError
-from flockbrush.levels.writer import Document, dump
+from flockbrush.levels.level_writer import Document, dump
 from small_pasture import by_hand, pasture, straight_run, stroke
 
 from flockbrush.cli.main import called
@@ -269,7 +269,7 @@ VICTIM = """
                 session.do("paint", [Paint("brush", "march", x, 8, x + 1, 8, 1.5)], join=f"stroke {deeds // 4}")
         session.autosave()
         text = hashlib.sha256(session.editor.text().encode()).hexdigest()
-        steps = "/".join(step.label for step in session.editor._done)
+        steps = "/".join(step.label for step in session.editor.done)
         print(session.tick, deeds, time.time(), text, steps, flush=True)
         time.sleep(0.005)
 """
@@ -295,7 +295,7 @@ def test_killed_in_the_middle_nothing_older_than_a_second_is_lost(level, state):
     early = [moment for moment in told if float(moment[2]) <= killed - 1]
     assert early and again.tick >= int(early[-1][0])
     text = hashlib.sha256(again.editor.text().encode()).hexdigest()
-    steps = "/".join(step.label for step in again.editor._done)
+    steps = "/".join(step.label for step in again.editor.done)
     recent = told[len(early) - 1 :]
     assert (text, steps) in [(moment[3], moment[4]) for moment in recent], texts(again)
     assert again.dirty and again.undo_label == steps.rsplit("/", 1)[-1]

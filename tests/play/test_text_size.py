@@ -1,7 +1,7 @@
 """Large words: no control goes away for good, and the usual size comes back with one key."""
 
 import pytest
-from pygame_gui.elements import UIScrollingContainer
+from pygame_gui.elements import UIButton, UIScrollingContainer
 from small_pasture import pasture
 from window import Window
 
@@ -46,6 +46,18 @@ def test_every_tab_and_tool_is_there_with_large_words(opened, scale):
         assert scale > 2 or words <= tab.rect.width
     assert len(window.toolbox.tools) == len(TOOLS)
     assert all(area.contains(button.rect) for button in window.toolbox.tools)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.5, 2.0])
+def test_the_words_of_buttons_fit_in_them(opened, scale):
+    window = opened(scale=scale)
+    for tab in list(window.column.tabs):
+        window.push(tab)
+        window.frames(2)
+        buttons = [part for part in window.manager.get_sprite_group().sprites() if type(part) is UIButton]
+        assert len(buttons) > 12
+        cut = [part.text for part in buttons if part.font.size(part.text)[0] > part.rect.width]
+        assert cut == [], tab.text
 
 
 @pytest.mark.parametrize("scale", [2.0, 3.0])

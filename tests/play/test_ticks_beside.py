@@ -225,12 +225,13 @@ def test_the_window_draws_while_a_tick_takes_long(level, monkeypatch):
     gate = Gate(window.session, monkeypatch)
     tick = window.session.tick
     window.session.play()
+    window.patience = 0.0
     for _ in range(6):
-        window.frame(TICK, patience_s=0.0)
+        window.frame(TICK)
     assert window.session.ticking
     window.overlays.add("links")  # they are of the world itself
     gate.open_soon()
-    window.frame(TICK, patience_s=0.0)
+    window.frame(TICK)
     assert not window.session.ticking and window.session.tick > tick
     window.close()
 

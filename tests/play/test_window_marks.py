@@ -50,6 +50,21 @@ def test_a_zone_is_drawn_moved_changed_saved_and_taken_back(window, tmp_path):
     assert window.said("error") == []
 
 
+def test_properties_are_those_of_the_smallest_area_around_the_mouse(window):
+    window.key("u")
+    window.drag((11, 1), (23, 15))
+    window.drag((18, 10), (22, 14))
+    large, small = window.land.marks.zones
+    for at, zone in (((20, 12), small), ((13, 12), large)):
+        window.move(at)
+        window.frames(1)
+        window.key("p")
+        assert window.dialog.entries["name"].get_text() == zone.name
+        window.key("escape")
+        window.frames(2)
+    assert window.said("error") == []
+
+
 def test_a_zone_mixes_live_acts_at_once_is_taken_back_and_replays(window, tmp_path):
     window.key("u")
     window.drag((1, 3), (11, 12))

@@ -14,6 +14,8 @@ from small_pasture import pasture
 from window import Window
 
 from flockbrush.cli.main import called
+from flockbrush.studio.opening import Opening
+from flockbrush.studio.window import Window as StudioWindow
 
 pytestmark = pytest.mark.usefixtures("in_own_folder")
 HOUSE = Path(__file__).parents[2]
@@ -196,17 +198,76 @@ def test_ctrl_c_closes_the_window_in_good_order(tmp_path):
     assert child.returncode == 130 and "Traceback" not in err, err
 
 
-def test_while_the_level_is_opened_the_window_says_so_and_can_be_closed():
-    from flockbrush.render.style import LIGHT
-    from flockbrush.studio.opening import Opening
+class Shown(StudioWindow):
+    """A window that notes its size and closes after some frames."""
 
-    opening = Opening("pasture", (400, 300), LIGHT, lambda: time.sleep(0.2) or "ready")
+    def __init__(self, size, frames):
+        super().__init__("light")
+        self.size, self.left, self.builds, self.kept = size, frames, 0, None
+        self.open(size)
+
+    def build(self):
+        self.builds += 1
+
+    def frame(self, dt):
+        self.events()
+        self.left -= 1
+        if not self.left:
+            self.quit()
+
+    def leave(self, keep=False):
+        self.kept = keep
+        return ""
+
+
+def test_while_the_level_is_opened_the_window_says_so_and_can_be_closed():
+    made = []
+
+    def then(result, size):
+        made.append((result, Shown(size, 3)))
+        return made[-1][1]
+
+    opening = Opening("pasture", (400, 300), "light", lambda: time.sleep(0.2) or "ready", then)
     before = pygame.surfarray.array3d(opening.screen)
-    assert opening.wait() == "ready"
+    opening.run()
     assert not np.array_equal(before, pygame.surfarray.array3d(opening.screen))
-    opening = Opening("pasture", (400, 300), LIGHT, lambda: time.sleep(30))
+    (result, window) = made[0]
+    assert (result, window.size, window.left, window.kept) == ("ready", (400, 300), 0, False)
+    opening = Opening("pasture", (400, 300), "light", lambda: time.sleep(30), then)
     pygame.event.post(pygame.event.Event(pygame.QUIT))
-    assert opening.wait() is None
+    opening.run()
+    assert len(made) == 1
+    opening.close()
+
+
+def test_a_window_opened_over_another_gives_way_to_it_again():
+    below, above = Shown((400, 300), 5), Shown((400, 300), 2)
+    below.open_over(above)
+    below.run()
+    assert (below.left, above.left, above.kept, below.builds) == (0, 0, False, 2)
+    below, above = Shown((400, 300), 5), Shown((400, 300), 9)
+    below.open_over(above)
+    below.run(frames=3, stop=lambda: above.left < 9)
+    assert above.kept is True  # interrupted
+    below.close()
+
+
+def test_what_fails_over_a_window_is_a_message_there(monkeypatch):
+    monkeypatch.delenv("FLOCKBRUSH_DEBUG", raising=False)
+    window = Shown((400, 300), 4)
+    opening = Opening("x", (400, 300), "light", lambda: [].remove(1), Shown)
+    window.open_over(opening)
+    window.run()
+    assert "list.remove" in window.toasts.log[-1].text and window.left == 0
+    window, above = Shown((400, 300), 4), Shown((400, 300), 9)
+    window.open_over(above)
+    above.events = lambda: 1 / 0
+    window.run()
+    assert "ZeroDivisionError" in window.toasts.log[-1].text and (window.left, above.kept) == (0, True)
+    opening = Opening("x", (400, 300), "light", lambda: [].remove(1), Shown)
+    with pytest.raises(ValueError, match="list.remove"):
+        opening.run()
+    opening.close()
 
 
 def test_what_goes_wrong_while_opening_is_told_by_the_command(capsys):

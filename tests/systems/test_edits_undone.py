@@ -106,6 +106,23 @@ def test_an_edit_of_several_commands_is_done_whole_or_not_at_all():
     assert settled(simulation) == before
 
 
+@pytest.mark.parametrize(
+    "command",
+    [MoveGoal("gate", 20.0, 20.0), PlaceGoal(0, "gate", 20.0, 20.0), PlaceGoal(0, "pen", 20.0, 20.0, at=1)],
+    ids=["moved", "changed", "new"],
+)
+def test_a_goal_that_is_in_no_level_file_is_put_back(command):
+    simulation = scene()
+    for goal in land_of(simulation).goals:
+        goal.id = 0
+    do(simulation, SendTo("well", x=10.0, y=10.0, radius=3.0))
+    before = settled(simulation)
+    back = do(simulation, command)
+    assert settled(simulation) != before
+    do(simulation, *back)
+    assert settled(simulation) == before
+
+
 # replay and snapshots --------------------------------------------------------------------------------------
 
 DAY = {

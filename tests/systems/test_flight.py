@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.behaviour import Behaviour, Flight, Parameters, Wishes
 from flockbrush.components import Airborne, Ground, Heading, Position, Speed, Velocity
+from flockbrush.engine.commands import Commands
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.solid_queries import surface_
 from flockbrush.engine.state import state_hash
@@ -319,9 +320,7 @@ def test_a_boulder_that_is_moved_goes_as_it_is_and_comes_back():
     simulation.tick()
     inside = surface_(land.sky, 0, *(peak - (10.0, 8.0, -1.9)))[0]
     assert inside < 0 < surface_(land.sky, 0, *(peak - (0.0, 0.0, 1.0)))[0]
-    gone = RemoveObstacle("boulder")
-    back = gone.inverse(simulation.world)
-    gone.apply(simulation.world)
+    back = simulation.world.resource(Commands).perform(simulation.world, [RemoveObstacle("boulder")])
     assert len(land.sky.kind) == 4  # the walls of the map
     for command in back:
         command.apply(simulation.world)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.brush import load_brush, shipped
 from flockbrush.components import Ground, Heading, Leading, Position, Role
-from flockbrush.engine.commands import CommandError
+from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.recording import state_hash
 from flockbrush.engine.state import restore, snapshot
 from flockbrush.levels.build import plane
@@ -102,8 +102,7 @@ def test_appointing_and_steering_are_undone_and_come_back_with_a_snapshot():
     simulation.run(3)
     world = simulation.world
     before = state_hash(world)
-    undo = Appoint([7]).inverse(world)
-    Appoint([7]).apply(world)
+    undo = world.resource(Commands).perform(world, [Appoint([7])])
     Steer([7], 1.0, 0.0).apply(world)
     changed, kept = state_hash(world), snapshot(world)
     assert changed != before

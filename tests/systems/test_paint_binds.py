@@ -208,8 +208,7 @@ def test_a_switch_under_bounded_paint_is_undone():
     simulation.run(2)
     before = state_hash(simulation.world)
     commands = simulation.world.resource(Commands)
-    back = SwitchBrush("hunt").inverse(simulation.world)
-    commands.perform(simulation.world, [SwitchBrush("hunt")])
+    back = commands.perform(simulation.world, [SwitchBrush("hunt")])
     assert brush_of(simulation, sheep) == "graze"  # paint stands above the animal's own brush
     commands.perform(simulation.world, back)
     assert state_hash(simulation.world) == before

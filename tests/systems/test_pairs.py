@@ -10,6 +10,7 @@ import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.components import BrushBinding, Heading, Leading, Position, Species, Velocity
 from flockbrush.engine.commands import Commands
+from flockbrush.engine.raster import Raster
 from flockbrush.levels.build import build
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.palette import Palette
@@ -33,6 +34,17 @@ def watched():
     watch.look()
     assert faults == []
     return simulation, watch, faults
+
+
+def test_the_judge_of_pairs_sees_who_walks_onto_ground_that_is_too_steep():
+    bank = Raster(1.0, np.where(np.arange(40) < 20, 0.0, 9.0)[None, :].repeat(40, 0))
+    simulation = build(level(spawns=[spawn(box(5, 5, 15, 15), "march", 3, species="sheep")], height_map=bank), 1)
+    faults = []
+    watch = Watch(simulation, lambda told, times=0.0: faults.append(told))
+    watch.look()
+    put_into(simulation, Position.xyz, 0, (20.0, 10.0, 4.5))
+    watch.look()
+    assert "a sheep walks onto ground that is too steep for its species" in faults
 
 
 def put_into(simulation, field, row, value):
@@ -77,7 +89,8 @@ def test_the_matrix_has_every_brush_with_every_other():
 
 
 @pytest.mark.parametrize(("brush", "thing"), [("geese", "goal"), ("stampede", "program"), ("skein", "obstacle sphere"),
-                                             ("evacuate", "cliff"), ("stampede", "leader on mixed paint")])  # fmt: skip
+                                             ("evacuate", "cliff"), ("stampede", "leader on mixed paint"),
+                                             ("boids-herd", "cliff")])  # fmt: skip
 def test_pairs_that_once_broke_the_limits_of_a_species_keep_them(brush, thing):
     assert run_alone(brush, thing, 3) == []
 

@@ -18,7 +18,7 @@ class Html(Exporter):
     choices = (THEME, PALETTE)
 
     def open(self):
-        from flockbrush.output.page.writer import PageWriter
+        from flockbrush.output.page.page_writer import PageWriter
 
         self._file = open(self.temporary, "wb")
         self._page = PageWriter(self._file, self.simulation, self.fps, self.options)

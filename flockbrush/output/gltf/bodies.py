@@ -106,6 +106,6 @@ class GltfBodies:
         return self.document.add("materials", name=name, pbrMetallicRoughness=about, **more)
 
 
-def scale_of(length, width) -> list[float]:
-    """What makes a mesh, 1 m long and `WIDE` m wide, as long and wide as an animal."""
-    return [length, width / WIDE, length]
+def scale_of(body) -> list[float]:
+    """The scale that makes a mesh, 1 m long and `WIDE` m wide, as long and wide as a body."""
+    return [body.length, body.width / WIDE, body.length]

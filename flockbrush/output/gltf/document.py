@@ -52,10 +52,10 @@ class GltfDocument:
         samplers.append({"input": times, "output": output, "interpolation": interpolation})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
 
-    def show(self, node, frames, fps, scale=(1.0, 1.0, 1.0)):
-        """Give a node its size from some frames on and no size from others: [(frame, whether it is shown)]."""
-        times = np.array([frame for frame, _ in frames], np.float32) / np.float32(fps)
-        sizes = np.array([np.multiply(scale, bool(shown)) for _, shown in frames], np.float32)
+    def show(self, node, keys, fps):
+        """Give a node a size from some frames on: [(frame, scale)], one number or three; 0 hides it."""
+        times = np.array([frame for frame, _ in keys], np.float32) / np.float32(fps)
+        sizes = np.array([np.multiply((1.0, 1.0, 1.0), scale) for _, scale in keys], np.float32)
         self.animate(node, "scale", self.numbers(times, bounds=True), self.numbers(sizes), "STEP")
 
     def extension(self, name):

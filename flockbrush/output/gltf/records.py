@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.output.attitude import AttitudeTurns
+from flockbrush.output.body_list import BodyList
 
 PRESENT, LEADER = 1, 2  # bits of `flags`
 TURN = 32767  # of a quaternion's component 1
@@ -20,7 +21,7 @@ BASE = (
     ("flags", "<u2"),
     ("brush", "<u2"),
     ("speed", "<f2"),  # m/s
-    ("pad", "<u2"),  # to whole words
+    ("body", "<u2"),  # which of the animal's own bodies
 )
 
 
@@ -44,29 +45,27 @@ class Records:
     frames : int
     slots : dict of int to int
         Row of each animal that was ever there, by id, in the order in which they came.
-    bodies : list of (species, length, width)
-        By row: index, m, m; as they were when they came.
+    bodies : BodyList
     """
 
     def __init__(self, folder, simulation, labels):
         self.labels = tuple(labels)
         self.type = record_type(labels)
-        self.frames, self.slots, self.bodies = 0, {}, []
+        self.frames, self.slots, self.bodies = 0, {}, BodyList()
         self._turns, self._folder, self._counts = AttitudeTurns(simulation), folder, []
         self._spool = open(folder / "frames", "w+b")
 
     def take(self, moment, pose, phase):
         """Keep one moment, with pose and phase of the gait of each animal."""
-        for row, animal in enumerate(moment.ids.tolist()):
-            if animal not in self.slots:
-                self.slots[animal] = len(self.slots)
-                self.bodies.append((int(moment.species[row]), float(moment.length[row]), 2 * float(moment.radius[row])))
+        for animal in moment.ids.tolist():
+            self.slots.setdefault(animal, len(self.slots))
         record = np.zeros(len(moment), self.type)
         record["place"] = moment.xyz
         record["turn"] = np.round(np.roll(self._turns.of(moment), -1, axis=1) * TURN)
         record["pose"], record["brush"] = pose, moment.brush
         record["phase"] = np.round(phase * PHASE)
         record["flags"] = PRESENT + LEADER * moment.leader
+        record["body"] = self.bodies.take(moment)
         record["speed"] = np.linalg.norm(moment.velocity, axis=1)
         for name in self.labels:
             record[name] = moment.labels.get(name, 0)

@@ -12,12 +12,12 @@ import numpy as np
 
 import flockbrush
 from flockbrush.levels.build import Simulation
+from flockbrush.output.gltf.animated_nodes import Herd, hemisphere
 from flockbrush.output.gltf.bodies import GltfBodies
-from flockbrush.output.gltf.crowd import write_crowd
+from flockbrush.output.gltf.crowd_buffer import write_crowd
 from flockbrush.output.gltf.document import GltfDocument
-from flockbrush.output.gltf.nodes import Herd, hemisphere
-from flockbrush.output.gltf.place import PlaceNodes, facing
 from flockbrush.output.gltf.records import Records
+from flockbrush.output.gltf.surroundings import PlaceNodes, facing
 from flockbrush.output.picture_exporter import camera_of, chosen_theme
 from flockbrush.output.trajectory_table import metadata_of
 from flockbrush.render.gaits import Gaits

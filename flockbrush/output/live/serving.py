@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import queue
 import time
-from collections import deque
 
 from flockbrush.engine import limits
 from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.levels.steps import UndoStack
 from flockbrush.output.live.frame import pack
 from flockbrush.output.live.link import Link
 from flockbrush.output.live.messages import hello, names, place
@@ -41,7 +41,7 @@ class Serving:
         self.after_tick = after_tick or (lambda: None)
         self.wrap = simulation.world.resource(Landscape).wrap
         self.playing = True
-        self.undone: deque = deque(maxlen=int(limits.LIVE_UNDO))  # what takes commands back, the last one last
+        self.steps = UndoStack(int(limits.LIVE_UNDO))  # lists of what takes commands back
         self.unrecorded = False  # commands since the last tick
         self._texts = self._described()
         self.link = Link(host, port, lambda: list(self._texts.values()), token)
@@ -133,14 +133,15 @@ class Serving:
         if request.play is not None:
             self.playing = request.play
         elif request.undo:
-            if not self.undone:
+            if not self.steps.done:
                 raise CommandError(self.simulation.clock.tick, None, "there is nothing to undo")
-            commands.perform(self.simulation.world, self.undone.pop())
+            commands.perform(self.simulation.world, self.steps.done[-1])
+            self.steps.take_back()
             self.unrecorded = True
         else:
             back = commands.perform(self.simulation.world, [request.command])
             if back:
-                self.undone.append(back)
+                self.steps.push(back)
             self.unrecorded = True
         if not self.playing:
             self._moments = [moment_of(self.simulation)] * 2

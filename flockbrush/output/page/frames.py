@@ -1,9 +1,9 @@
 """Frames of animals packed as small integers, which the page unpacks.
 
-A chunk is the moments of some seconds: little-endian ``frames, animals`` (uint32), the box of the positions (low, size:
-6 float32), ``ids`` (animals, uint32), body lengths and widths (animals, float32 each), then for each of `COLUMNS` and
-labels the numbers [animal][frame] as differences from frame to frame modulo 2^16, low bytes before high bytes.  Then
-zlib.
+A chunk is the moments of some seconds: little-endian ``frames, animals, bodies`` (uint32), the box of the positions
+(low, size: 6 float32), ``ids`` and first bodies (animals, uint32 each), lengths and widths (bodies, float32 each), then
+for each of `COLUMNS` and labels the numbers [animal][frame] as differences from frame to frame modulo 2^16, low bytes
+before high bytes.  Then zlib.  The bodies of an animal follow its first one; the column ``body`` tells which it has.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from flockbrush.output.attitude import angles_of
 
 FRAMES = 64  # in a chunk
-COLUMNS = ("present", "x", "y", "z", "yaw", "pitch", "roll", "clip", "phase", "species", "brush", "leader")
+COLUMNS = ("present", "x", "y", "z", "yaw", "pitch", "roll", "clip", "phase", "species", "body", "brush", "leader")
 FULL = 65535
 TURN = 65536 / (2 * np.pi)
 
@@ -30,23 +30,24 @@ class FrameRow(NamedTuple):
     columns: dict  # by name, (n,) int
 
 
-def row_of(moment, attitude, clip, phase) -> FrameRow:
-    """A moment with its attitude (forward, up) and gait as whole numbers."""
+def row_of(moment, body, attitude, clip, phase) -> FrameRow:
+    """A moment with its bodies, attitude (forward, up) and gait as whole numbers."""
     yaw, pitch, roll = angles_of(*attitude)
     angles = {"yaw": yaw, "pitch": pitch, "roll": roll}
     columns = {name: np.round(angle * TURN).astype(np.int64) for name, angle in angles.items()}
     columns |= {"clip": clip, "phase": np.round(phase * FULL).astype(np.int64)}
-    columns |= {"species": moment.species, "brush": moment.brush, "leader": moment.leader.astype(np.int64)}
+    columns |= {"species": moment.species, "body": body, "brush": moment.brush}
+    columns["leader"] = moment.leader.astype(np.int64)
     return FrameRow(moment.ids, moment.xyz, columns | moment.labels)
 
 
-def packed(rows: list[FrameRow], sizes: dict, labels) -> bytes:
+def packed(rows: list[FrameRow], bodies: dict, labels) -> bytes:
     """A chunk.
 
     Parameters
     ----------
-    sizes : dict of int to (length, width)
-        Of every animal's body, m.
+    bodies : dict of int to list of AnimalBody
+        Those that each animal has had, by id.
     labels : sequence of str
         Names of the columns behind `COLUMNS`.
     """
@@ -55,9 +56,12 @@ def packed(rows: list[FrameRow], sizes: dict, labels) -> bytes:
     everywhere = np.concatenate([row.xyz for row in rows])
     low = everywhere.min(axis=0) if len(everywhere) else np.zeros(3)
     size = np.maximum(everywhere.max(axis=0) - low, 1e-6) if len(everywhere) else np.ones(3)
-    head = struct.pack("<II6f", len(rows), len(ids), *low, *size)
-    bodies = np.array([sizes[animal] for animal in ids.tolist()], "<f4").reshape(-1, 2)
-    parts = [head, ids.astype("<u4").tobytes(), bodies[:, 0].tobytes(), bodies[:, 1].tobytes()]
+    had = [bodies[animal] for animal in ids.tolist()]
+    first = np.cumsum([0, *map(len, had)])
+    head = struct.pack("<III6f", len(rows), len(ids), first[-1], *low, *size)
+    sizes = np.array([(body.length, body.width) for those in had for body in those], "<f4").reshape(-1, 2)
+    numbers = [ids.astype("<u4"), first[:-1].astype("<u4"), sizes[:, 0], sizes[:, 1]]
+    parts = [head, *(part.tobytes() for part in numbers)]
     for name in (*COLUMNS, *labels):
         table = _table(rows, places, len(ids), name, low, size)
         change = np.diff(table, axis=1, prepend=0).astype(np.uint16)

@@ -28,6 +28,7 @@ class Player {
     this.place = new Place(this.scene, place, about, picture, patches, this.renderer.getContextAttributes().antialias ? 8 : 1);
     this.animals = new Animals(this.scene, run, about, this.place);
     this.orbit = new THREE.OrbitControls(this.camera, $("view"));
+    this.orbit.mouseButtons.MIDDLE = THREE.MOUSE.ROTATE;  // as in the playground
     Object.assign(this.orbit, { maxPolarAngle: 1.54, enableDamping: true, dampingFactor: 0.12, zoomToCursor: true });
     this.orbit.addEventListener("change", () => { this.dirty = true; });
     this.charts = new Charts($("charts"), about, run.duration);

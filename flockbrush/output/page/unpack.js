@@ -24,15 +24,17 @@ async function json(element) {
 // A chunk as output/page/frames.py writes it: columns by name, numbers [animal * frames + frame].
 function chunkOf(bytes, names, first) {
   const view = new DataView(bytes.buffer, bytes.byteOffset);
-  const frames = view.getUint32(0, true), animals = view.getUint32(4, true);
-  const box = Array.from({ length: 6 }, (_, k) => view.getFloat32(8 + 4 * k, true));
-  let at = 32;
-  const ids = new Uint32Array(animals), length = new Float32Array(animals), width = new Float32Array(animals);
-  for (let k = 0; k < animals; k++) ids[k] = view.getUint32(at + 4 * k, true);
-  at += 4 * animals;
-  for (const sizes of [length, width]) {
-    for (let k = 0; k < animals; k++) sizes[k] = view.getFloat32(at + 4 * k, true);
+  const frames = view.getUint32(0, true), animals = view.getUint32(4, true), bodies = view.getUint32(8, true);
+  const box = Array.from({ length: 6 }, (_, k) => view.getFloat32(12 + 4 * k, true));
+  let at = 36;
+  const ids = new Uint32Array(animals), body = new Uint32Array(animals), length = new Float32Array(bodies), width = new Float32Array(bodies);
+  for (const numbers of [ids, body]) {
+    for (let k = 0; k < animals; k++) numbers[k] = view.getUint32(at + 4 * k, true);
     at += 4 * animals;
+  }
+  for (const sizes of [length, width]) {
+    for (let k = 0; k < bodies; k++) sizes[k] = view.getFloat32(at + 4 * k, true);
+    at += 4 * bodies;
   }
   const columns = {}, count = frames * animals;
   for (const name of names) {
@@ -49,7 +51,7 @@ function chunkOf(bytes, names, first) {
   }
   const row = new Map();
   ids.forEach((id, k) => row.set(id, k));
-  return { first, frames, animals, box, ids, length, width, columns, row, next: null };
+  return { first, frames, animals, box, ids, body, length, width, columns, row, next: null };
 }
 
 // Where everybody is at any time: rows of numbers, filled anew for each picture.
@@ -134,7 +136,8 @@ class Run {
       const p = columns.phase[k], on = goesOn ? ((after.columns.phase[m] - p) & 65535) * share : 0;
       this.phase[i] = ((p + on) % 65536) / 65536;
       this.ids[i] = chunk.ids[row];
-      this.length[i] = chunk.length[row]; this.width[i] = chunk.width[row];
+      const body = chunk.body[row] + columns.body[k];
+      this.length[i] = chunk.length[body]; this.width[i] = chunk.width[body];
       for (const name of ["clip", "species", "brush", "leader"]) this[name][i] = columns[name][k];
       for (const name of this.labels) this.codes[name][i] = columns[name] ? columns[name][k] : 0;
     }

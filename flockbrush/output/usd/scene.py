@@ -13,9 +13,9 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 from flockbrush.output.picture_exporter import camera_of, chosen_theme
 from flockbrush.output.trajectory_table import metadata_of
 from flockbrush.output.usd.bodies import UsdBodies
-from flockbrush.output.usd.herd import Instancer, Xforms
-from flockbrush.output.usd.place import CAMERA, sample_ground, set_camera, write_place
+from flockbrush.output.usd.herd_prims import Instancer, Xforms
 from flockbrush.output.usd.skeletons import Skeletons
+from flockbrush.output.usd.surroundings import CAMERA, sample_ground, set_camera, write_place
 from flockbrush.render.gaits import Gaits
 from flockbrush.runs.snapshots import Moment, words_of
 

@@ -10,7 +10,7 @@ from pxr import Gf, UsdGeom, UsdSkel, Vt
 from flockbrush.engine.files import refused
 from flockbrush.output.joints import offsets, pivot, posture
 from flockbrush.output.usd.bodies import write_mesh
-from flockbrush.output.usd.herd import Xforms
+from flockbrush.output.usd.herd_prims import Xforms
 from flockbrush.render.animal_looks import CLIPS, mesh_of
 
 MOST = 1000  # animals: more need the instancer

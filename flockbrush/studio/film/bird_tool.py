@@ -49,6 +49,13 @@ class BirdsMode(Mode):
         )
         self.stop = column.button("Stop tracking", self.stop_following)
         self.pending = column.line()
+        self.fill_bird(column)
+        column.slider("Tails", self.tail, *TAILS, lambda v: f"{v:.0f} frames", self.set_tail)
+        column.heading("3D")
+        column.button("Lift and view", self.lift, "Save, and show the flock in 3D")
+
+    def fill_bird(self, column):
+        """Put the controls for the selected bird into the column."""
         column.heading("Bird")
         self.who = column.line("none selected")
         self.ends = column.pair(
@@ -61,9 +68,6 @@ class BirdsMode(Mode):
             "This is not a bird from this frame on (Delete)",
         )
         self.never = column.button("Never a bird", lambda: self.take_away(0), "Delete the whole track")
-        column.slider("Tails", self.tail, *TAILS, lambda v: f"{v:.0f} frames", self.set_tail)
-        column.heading("3D")
-        column.button("Lift and view", self.lift, "Save, and show the flock in 3D")
 
     def freshen(self):
         birds = self.state.birds
@@ -73,16 +77,21 @@ class BirdsMode(Mode):
             self.pending.say("")
         else:
             self.pending.say(f"corrected from frame {birds.pending} on")
+        self.freshen_bird()
+        busy = "birds" in self.window.jobs
+        enabled(self.stop, busy)
+        enabled(self.begin, not busy)
+        enabled(self.on, not busy and birds.ids)
+
+    def freshen_bird(self):
+        """Update the controls for the selected bird."""
+        birds = self.state.birds
         if self.selected is not None and self.selected not in birds.ids:
             self.selected = None
         there = self.selected is not None
         self.who.say(f"{self.selected}: in {_frames(birds.sights()[self.selected])}" if there else "none selected")
         for button in (*self.ends, self.remove, self.never):
             enabled(button, there)
-        busy = "birds" in self.window.jobs
-        enabled(self.stop, busy)
-        enabled(self.begin, not busy)
-        enabled(self.on, not busy and birds.ids)
 
     # following ----------------------------------------------------------------------------
 
@@ -181,14 +190,18 @@ class BirdsMode(Mode):
 
     # the mouse ----------------------------------------------------------------------------
 
+    def reach(self):
+        """How far around a bird a click is on it, pixels."""
+        return px(self.window.scale, GRAB)
+
     def bird_at(self, at):
         """The bird at a pixel of the canvas, or None."""
-        return self.near(at, self.state.birds.at(self.window.k), px(self.window.scale, GRAB))
+        return self.near(at, self.state.birds.at(self.window.k), self.reach())
 
     def _number_at(self, at):
         """The bird whose number is at a pixel, unless the bird itself is."""
         bird, places = self.bird_at(at), self.state.birds.at(self.window.k)
-        if bird is not None and np.hypot(*(self.window.at(places[bird]) - at)) < 0.7 * px(self.window.scale, GRAB):
+        if bird is not None and np.hypot(*(self.window.at(places[bird]) - at)) < 0.7 * self.reach():
             return None
         return next((b for b, label in self._labels.items() if label.collidepoint(at)), None)
 
@@ -306,13 +319,18 @@ class BirdsMode(Mode):
         if not -50 < at[0] < canvas.image.shape[1] + 50 or not -50 < at[1] < canvas.image.shape[0] + 50:
             return
         mine, thin = bird == self.selected, min(1.0, radius / (RING * u))
-        canvas.ring(at, radius, (2.0 + 3.5 * thin if mine else 3.6 * thin) * u, theme.paper, 0.8)
-        canvas.ring(at, radius, (3.0 if mine else 1.8) * u, chrome(theme).accent if mine else COLOURS[bird % 8])
+        colour, halo, dash = self.look(bird)
+        canvas.ring(at, radius, (2.0 + 3.5 * thin if mine else 3.6 * thin) * u, halo, 0.8)
+        canvas.ring(at, radius, (3.0 if mine else 1.8) * u, chrome(theme).accent if mine else colour, dash=dash)
         if said:
             canvas.disc(at, 3.4 * u, theme.paper)
             canvas.disc(at, 2.2 * u, chrome(theme).accent)
         if mine or radius > 0.6 * RING * u:  # in a throng numbers would hide the birds: zoom in
             self._draw_number(canvas, bird, at + (0.75 * radius, -0.75 * radius))
+
+    def look(self, bird):
+        """Colour of a bird's ring, colour of the halo around it, and its dashes or None."""
+        return COLOURS[bird % 8], self.window.theme.paper, None
 
     def _draw_lost(self, canvas, bird, at, radius):
         """Where a track broke off: a dashed ring, whose number can be dragged onto the other half."""

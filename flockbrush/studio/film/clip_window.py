@@ -1,4 +1,4 @@
-"""The window for clips: its parts, its main loop and the distribution of events."""
+"""The window for clips: its parts, its frames and what the mouse and the keys do."""
 
 from __future__ import annotations
 
@@ -7,32 +7,33 @@ import warnings
 import cv2
 import numpy as np
 import pygame
-import pygame_gui
 from pygame_gui.elements import UIButton, UIPanel
 
 from flockbrush.film.clip_document import Book
+from flockbrush.film.clip_frames import Film, Sky
 from flockbrush.film.clip_jobs import ClipJob
 from flockbrush.render.canvas import Canvas
-from flockbrush.studio.bird_marking_window import PictureView
-from flockbrush.studio.dialogs import Dialog
 from flockbrush.studio.film.bird_tool import BirdsMode
 from flockbrush.studio.film.body_tool import BodyMode
 from flockbrush.studio.film.clip_column import ClipColumn, chosen
 from flockbrush.studio.film.clip_look import LookMode
+from flockbrush.studio.film.formation_tool import FormationMode
 from flockbrush.studio.film.frame_strip import FilmBar
 from flockbrush.studio.film.landmark_tool import LandmarksMode
 from flockbrush.studio.film.lifting import Lifting
 from flockbrush.studio.film.mask_tool import PaintMode
+from flockbrush.studio.film.picture_view import PictureView
 from flockbrush.studio.film.sketch_tool import SketchMode
-from flockbrush.studio.plain_window import PlainWindow
 from flockbrush.studio.theme import chrome, px
 from flockbrush.studio.widgets import NO_MARGINS, icon_button
+from flockbrush.studio.window import Window
 
 MODES = (LookMode, LandmarksMode, PaintMode, BodyMode, BirdsMode, SketchMode)
 OF_THE_SKY = (LookMode, SketchMode)  # where there is no film
+OF_PICTURES = (FormationMode,)
 
 
-class ClipWindow(PlainWindow):
+class ClipWindow(Window):
     """The window that shows a clip and edits its marks.
 
     Parameters
@@ -58,7 +59,9 @@ class ClipWindow(PlainWindow):
         self.lifting = Lifting(self, camera)
         self._shown: tuple = ()
         self._late = 0.0  # s that playing is ahead of the frame shown
-        self.modes = [kind(self) for kind in (MODES if self.film.path is not None else OF_THE_SKY)]
+        filmed = isinstance(self.film, Film)
+        kinds = MODES if filmed else OF_THE_SKY if isinstance(self.film, Sky) else OF_PICTURES
+        self.modes = [kind(self) for kind in kinds]
         self.mode = next((one for one in self.modes if one.name == mode), self.modes[0])
         self.open(size)
 
@@ -82,7 +85,7 @@ class ClipWindow(PlainWindow):
     def _build_top(self, rect):
         back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
         side, pad = px(self.scale, 32), px(self.scale, 5)
-        self.buttons, right = {}, rect.width - pad - side
+        right = rect.width - pad - side
         for picture, tip, do in (
             ("save", "Save everything (Ctrl+S)", self.save), ("redo", "Redo (Ctrl+Shift+Z)", self.redo),
             ("undo", "Undo (Ctrl+Z)", self.undo), ("fit", "Show the whole picture (0)", self.fit),
@@ -130,8 +133,10 @@ class ClipWindow(PlainWindow):
             can = {self.undo: self.book.undo_label, self.redo: self.book.redo_label}.get(do, True)
             if bool(can) != bool(button.is_enabled):
                 (button.enable if can else button.disable)()
-        star = " *" if self.book.dirty else ""
-        pygame.display.set_caption(f"{self.film.name}{star} – {self.mode.title} – Flockbrush")
+        pygame.display.set_caption(self.title())
+
+    def title(self):
+        return f"{self.film.name}{' *' if self.book.dirty else ''} – {self.mode.title} – Flockbrush"
 
     def jobs_said(self):
         """Text about background jobs; "" if there are none."""
@@ -148,23 +153,10 @@ class ClipWindow(PlainWindow):
         self.events()
         self._play(dt)
         self._look_at_jobs()
-        self.guarded(self.lifting.look)
         self.toasts.update(dt)
         self.manager.update(dt)
         self._freshen()
         self.guarded(self.draw)
-
-    def guarded(self, do, *arguments):
-        """Call a function; an exception becomes a message, and the window continues with all marks."""
-        try:
-            return super().guarded(do, *arguments)
-        except Exception as error:
-            from flockbrush.runs.terminal import debugging
-
-            if debugging():
-                raise
-            self.toasts.say(f"this is a bug in flockbrush: {type(error).__name__}: {error}", "error")
-        return None
 
     def _play(self, dt):
         if not self.playing:
@@ -250,26 +242,20 @@ class ClipWindow(PlainWindow):
 
     # what a person does ---------------------------------------------------------------------
 
-    def handle(self, event):
-        """Handle one event; losing the focus cancels an unfinished action."""
-        if event.type == pygame.WINDOWFOCUSLOST and not self.asking:
-            self.let_go()
-        else:
-            super().handle(event)
+    def _of_strip(self, event):
+        return self.bar.mouse(event)
 
-    def _file(self):
-        return self.book.folder
-
-    def _of_controls(self, event):
-        return self.bar.mouse(event) or super()._of_controls(event)
+    def _of_parts(self, event):
+        return self.column.handle(event)
 
     def _key(self, key):
         step = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.film), "end": len(self.film)}
         does = {
             "ctrl+z": self.undo, "ctrl+shift+z": self.redo, "ctrl+y": self.redo, "ctrl+s": self.save, "0": self.fit,
             "space": self.toggle_play, "ctrl+q": self.ask_to_quit, "escape": self.let_go, "ctrl+c": self.copy_line,
-            "i": self.use_from, "o": self.use_to,
         }  # fmt: skip
+        if isinstance(self.film, Film):
+            does |= {"i": self.use_from, "o": self.use_to}
         if self.mode.key(key):
             pass
         elif key in step:
@@ -279,32 +265,10 @@ class ClipWindow(PlainWindow):
         elif key.isdigit() and 1 <= int(key) <= len(self.modes):
             self.take(self.modes[int(key) - 1].name)
 
-    def _mouse(self, event):
-        if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.bar.buttons:
-            self.bar.buttons[event.ui_element]()
-        elif self.column.handle(event):
-            pass
-        elif event.type == pygame.MOUSEBUTTONDOWN and self.area.collidepoint(event.pos) and self._held is None:
-            if not self.toasts.click(event.pos):
-                self._press(self._inside(event.pos), event.button)
-        elif event.type == pygame.MOUSEMOTION and self._held is not None:
-            self._drag(self._inside(event.pos))
-        elif event.type == pygame.MOUSEBUTTONUP and self._held is not None and event.button == self._held[2]:
-            at = self._inside(event.pos)
-            self._drag(at)
-            who, self._held = self._held[0], None
-            if who == "mode":
-                self.mode.release(self.place(at), at)
-        elif event.type == pygame.MOUSEWHEEL and self.area.collidepoint(pygame.mouse.get_pos()):
-            self.view.wheel(event.y, self._inside(pygame.mouse.get_pos()), self.film.size, self.area)
-
-    def _inside(self, position):
-        return np.array([position[0] - self.area.x, position[1] - self.area.y], float)
-
     def _press(self, at, button):
         if button == 3:
             self.mode.click_right(self.place(at), at)
-        elif button in (1, 2):
+        else:
             mine = button == 1 and self.mode.press(self.place(at), at)
             self._held = "mode" if mine else "view", at, button
 
@@ -316,9 +280,17 @@ class ClipWindow(PlainWindow):
             self.mode.drag(self.place(at), at)
         self._held = who, at, button
 
+    def _release(self, at):
+        who, self._held = self._held[0], None
+        if who == "mode":
+            self.mode.release(self.place(at), at)
+
+    def _wheel(self, notches, at):
+        self.view.wheel(notches, at, self.film.size, self.area)
+
     def let_go(self):
         """Cancel an unfinished action."""
-        self._held = None
+        super().let_go()
         self.mode.let_go()
 
     def go(self, k):
@@ -377,9 +349,10 @@ class ClipWindow(PlainWindow):
     def _after(self, step, how):
         self.let_go()
         if step is not None:
+            mode, frame = step.where
             self.toasts.say(f"{step.label}: {how}")
-            self.go(step.frame)
-            self.take(step.mode)
+            self.go(frame)
+            self.take(mode)
 
     def copy_line(self):
         """Copy the flockbrush learn command to the clipboard."""
@@ -399,28 +372,22 @@ class ClipWindow(PlainWindow):
         self.toasts.say(f"Saved in {self.book.folder.resolve()}: {names}")
         return True
 
-    def ask(self, title, question, answers, entry=None):
-        """Ask a question in a dialog."""
-        self.let_go()
+    def open_dialog(self, dialog):
+        """Ask something; playing stops."""
         self.playing = False
-        self.dialog = Dialog(self, title, question, answers, entry)
+        super().open_dialog(dialog)
 
-    def ask_to_quit(self):
-        """Close the window; ask first if there are unsaved marks."""
-        if not self.book.dirty:
-            self.quit()
-            return
-        answers = [("Save", self._save_and_quit), ("Discard changes", self.quit), ("Cancel", None)]
-        self.ask("Quit", f"The marks in {self.film.name} are not saved.", answers)
+    @property
+    def unsaved(self):
+        """A sentence about marks that are not saved, "" when all are."""
+        return f"The marks in {self.film.name} are not saved." if self.book.dirty else ""
 
-    def _save_and_quit(self):
-        if self.save():
-            self.quit()
-
-    def close(self):
-        """Close the window and end all background jobs."""
+    def leave(self, keep=False):
+        """End all background jobs; unsaved marks are saved if they are to be kept."""
         for job in self.jobs.values():
             job.stop(wait=True)
         self.jobs.clear()
         self.mode.leave()
-        super().close()
+        if not keep or not self.book.dirty:
+            return ""
+        return f"{', '.join(map(str, self.book.save()))}: marks were saved before the program ended"

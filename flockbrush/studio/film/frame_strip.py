@@ -22,7 +22,7 @@ class FilmBar:
         self.app, self.rect, self.dragging = window, rect, False
         self.back = UIPanel(rect, 1, window.manager, margins=NO_MARGINS, object_id="@bar")
         side, gap, x = px(window.scale, 34), px(window.scale, 3), px(window.scale, 8)
-        self.buttons, self._icon = {}, "play"
+        self._icon = "play"
         for picture, tip, do in (
             ("back", "Previous frame (Left)", lambda: window.step(-1)),
             ("play", "Play or pause (Space)", window.toggle_play),
@@ -30,7 +30,7 @@ class FilmBar:
         ):
             place = pygame.Rect(x, px(window.scale, 6), side, side)
             made = icon_button(window, place, picture, tip, self.back)
-            self.buttons[made] = do
+            window.buttons[made] = do
             if picture == "play":
                 self.play = made
             x += side + gap
@@ -52,7 +52,7 @@ class FilmBar:
         if wanted != self._icon:
             self._icon = wanted
             set_icon(app, self.play, wanted)
-        self.clock.say(f"frame {app.k} of {len(app.film) - 1}   {app.film.time(app.k):.2f} s")
+        self.clock.say(app.film.caption(app.k))
         job = app.jobs_said()
         self.hint.say(job or app.mode.hint)
 

@@ -1,10 +1,7 @@
-"""Lifts the tracks of a clip and opens the flight with `flockbrush play TRACKS --camera CAM`."""
+"""Lifts the tracks of a clip and shows the flight in place of the clip until it is closed."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import tempfile
 from pathlib import Path
 
 from flockbrush.engine.files import refused, write_text
@@ -15,7 +12,7 @@ NEAR, FAR = 2.0, 1000.0  # m
 
 
 class Lifting:
-    """Opens the window of a lifted flock.
+    """Shows a lifted flock over the window of a clip.
 
     Parameters
     ----------
@@ -26,7 +23,6 @@ class Lifting:
 
     def __init__(self, window, camera=None):
         self.window, self.camera = window, None if camera is None else Path(camera)
-        self._running: list[tuple[subprocess.Popen, object]] = []
 
     def begin(self, part):
         """Save, and show the tracks of a part ("tracks.csv" or "sketch.csv") in space."""
@@ -63,23 +59,16 @@ class Lifting:
         self.camera = place
         self.begin(part)
 
-    def command(self, tracks):
-        """What is run, a list of words."""
-        return [sys.executable, "-m", "flockbrush", "play", str(tracks), "--camera", str(self.camera)]
-
     def _open(self, tracks):
-        said = tempfile.TemporaryFile("w+")
-        self._running.append((subprocess.Popen(self.command(tracks), stderr=said, stdout=said), said))
-        self.window.toasts.say("The flock is lifted; a new window opens.")
+        from flockbrush.lifting.ground_show import open_show
+        from flockbrush.studio.lift_window import LiftWindow
+        from flockbrush.studio.opening import Opening
 
-    def look(self):
-        """Tell when a window of a flock could not be opened."""
-        for process, said in list(self._running):
-            if process.poll() is None:
-                continue
-            self._running.remove((process, said))
-            said.seek(0)
-            text = said.read().strip()
-            said.close()
-            if process.returncode:
-                self.window.toasts.say(text.splitlines()[-1] if text else "The flock could not be lifted.", "error")
+        window, camera = self.window, self.camera
+        theme, size = window.theme.name, window.screen.get_size()
+        window.open_over(
+            Opening(
+                tracks.name, size, theme, lambda: open_show(tracks, camera),
+                lambda show, size: LiftWindow(show, size, theme), ("Lifting the flock …",) * 2,
+            )
+        )  # fmt: skip

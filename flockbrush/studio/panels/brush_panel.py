@@ -45,7 +45,7 @@ class BrushPanel(Panel):
         y, wide = area.height - px(30) - pad, (area.width - 4 * pad) // 3
         self.save = UIButton(
             pygame.Rect(pad, y, wide, px(30)),
-            "Save as new…",
+            "Save as…",
             object_id=ObjectID("#save_brush_button", "@small_button"),
             tool_tip_text="Save these parameters as a new brush; its file names the original brush",
             **common,
@@ -78,7 +78,7 @@ class BrushPanel(Panel):
     @property
     def is_simple(self) -> bool:
         """Whether the panel shows a few sliders instead of all parameters."""
-        return self.app.memory.get("brush panel") == "simple"
+        return self.app.memory.get("brush panel", "simple") == "simple"
 
     def _mode_words(self):
         return "Advanced" if self.is_simple else "Simple"

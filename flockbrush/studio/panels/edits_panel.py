@@ -108,7 +108,7 @@ class EditsPanel(Panel):
             return
         simulation = self.app.session.simulation
         column, _, name = ("", "", "") if words == EVERYBODY else words.partition(" ")
-        self.edits.select_named(simulation, column, name)
+        self.app.guard_edits(self.edits.select_named, simulation, column, name)
         self.app.take_tool("edit")
         self.known = None
 

@@ -57,6 +57,13 @@ def things_at(simulation, places, reach, kinds) -> list[tuple[str, object]]:
     ]
 
 
+def area_around(simulation, xy, kinds):
+    """(kind, object) of the smallest area that a point of the ground lies in, or None."""
+    areas = [(kind, thing) for kind, thing in things(simulation) if kind in kinds and hasattr(thing, "polygon")]
+    around = [(kind, thing) for kind, thing in areas if is_inside(xy, thing.polygon)]
+    return min(around, key=lambda one: float(np.prod(np.ptp(np.asarray(one[1].polygon), axis=0))), default=None)
+
+
 def animal_at(simulation, xy, reach):
     """Id of the animal nearest to a point, or None when none is within so many metres of it."""
     from flockbrush.components import Body, Position

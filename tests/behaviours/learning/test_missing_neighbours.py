@@ -1,4 +1,6 @@
-"""Turns of animals whose neighbours are missing from tracks count less, so that gaps spoil less of what is learned."""
+"""Where animals are missing from tracks, turns and spacing of their neighbours count less, and densities count them."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +10,11 @@ from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.missing_animals import NEAREST, missing_places, neighbours_seen
 from flockbrush.film.track_evidence import evidence_of_tracks
 from flockbrush.film.track_files import Trajectories
+from flockbrush.learning.battery import Battery
+from flockbrush.learning.herd_views import view_of
+from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.rollout import NAMES, HerdStart, rollout
+from flockbrush.learning.scores import measures_of
 from flockbrush.learning.turns import fit_turns, predicted, turns_of
 
 FPS = 16
@@ -56,6 +62,43 @@ def test_gaps_spoil_less_where_turns_weigh_by_the_neighbours_seen(seed):
     assert turns.weight.min() < 0.05 and turns.weight.max() == 1.0
     weighed, plain = error(turns), error(turns._replace(weight=np.ones(len(turns.weight))))
     assert weighed < 0.7 * plain
+
+
+def test_gaps_spoil_less_of_the_spacing_where_it_weighs_by_the_neighbours_seen():
+    params, off = Params(**dict(zip(NAMES, THETA.tolist(), strict=True)), wander=0.3), []
+    for seed in range(3):
+        xy = swarm(seed, params)
+        gapped = evidence_of(with_gaps(xy, seed))
+        rows = len(gapped.sightings.xy)
+        plain = replace(gapped, sightings=replace(gapped.sightings, neighbours_seen=np.ones(rows)))
+        truth, weighed, unweighed = (_spacing(one) for one in (evidence_of(xy), gapped, plain))
+        off.append(np.abs([weighed / truth - 1.0, unweighed / truth - 1.0]))
+    weighed, unweighed = np.mean(off, axis=0)
+    assert (weighed < 0.8 * unweighed).all()
+
+
+def _spacing(evidence):
+    """(nearest neighbour and density of the search, nearest neighbour of the verdict)."""
+    measured = measures_of(view_of(evidence), 4)
+    of_search = [float(np.nanmean(measured[name])) for name in ("nearest neighbour", "density")]
+    return np.array([*of_search, float(Battery.of(evidence).values["nearest neighbour"][0])])
+
+
+def test_densities_count_animals_that_are_missing():
+    params = Params(**dict(zip(NAMES, THETA.tolist(), strict=True)))
+    xy = swarm(5, params)
+    whole, gapped = evidence_of(xy).fields, evidence_of(with_gaps(xy, 5)).fields
+    assert (gapped.count == 60).all()
+    assert (gapped.density.sum((1, 2)) * gapped.cell**2 == pytest.approx(60)) and gapped.holds_all == whole.holds_all
+
+
+def test_animals_that_begin_where_others_are_missing_head_as_those_next_to_them():
+    frames, n = 64, 36
+    xy = np.argwhere(np.ones((6, 6)))[None] * 1.5 + np.arange(frames)[:, None, None] * [1.0 / FPS, 0.0]
+    xy[10:50, : n // 2] = np.nan
+    start = start_of(evidence_of(xy), 30)
+    assert len(start) == n
+    assert start.forward[:, 0].min() > 0.9
 
 
 def test_whole_tracks_weigh_fully():

@@ -11,6 +11,7 @@ import numpy as np
 
 from flockbrush.engine.recording import state_hash
 from flockbrush.output.attitude import held
+from flockbrush.output.body_list import BodyList
 from flockbrush.output.moving_solids import MovingSolids
 from flockbrush.output.page.frames import COLUMNS, FRAMES, packed, row_of
 from flockbrush.output.painted_ground import PaintedGround
@@ -58,7 +59,7 @@ class PageWriter:
         self.file, self.simulation, self.fps, self.options = file, simulation, fps, options
         self.theme = chosen_theme(options)
         self.gaits, self.frames, self.times = Gaits(simulation), 0, []
-        self.rows, self.sizes, self.measures = [], {}, {name: [] for name, _, _ in MEASURES}
+        self.rows, self.bodies, self.measures = [], BodyList(), {name: [] for name, _, _ in MEASURES}
         self.labels: list[str] = []
         self.patches: list[tuple] = []  # of the ground's picture: when, left, top
         self._head()
@@ -67,9 +68,8 @@ class PageWriter:
         """Add one moment."""
         self.moving.take()
         self._ground(moment.time)
-        self.rows.append(row_of(moment, held(self.simulation, moment), *self.gaits.of(moment)))
-        sizes = zip(moment.length.tolist(), (2 * moment.radius).tolist(), strict=True)
-        self.sizes.update(zip(moment.ids.tolist(), sizes, strict=True))
+        body, attitude = self.bodies.take(moment), held(self.simulation, moment)
+        self.rows.append(row_of(moment, body, attitude, *self.gaits.of(moment)))
         self.labels += [name for name in moment.labels if name not in self.labels]
         self.times.append(round(moment.time, 6))
         for name, value in measured(moment).items():
@@ -124,7 +124,7 @@ class PageWriter:
 
     def _chunk(self):
         if self.rows:
-            self._data("frames", packed(self.rows, self.sizes, self.labels), compressed=True)
+            self._data("frames", packed(self.rows, self.bodies.of, self.labels), compressed=True)
             self._data("labels", json.dumps(self.labels).encode())
             self.frames += len(self.rows)
             self.rows = []

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 
-from flockbrush.cli.program_commands import submit_events
+from flockbrush.cli.program_cli import submit_events
 from flockbrush.cli.run_options import RunRequest
 from flockbrush.cli.show_desync import show_desync
 from flockbrush.engine import limits

@@ -10,7 +10,7 @@ from flockbrush.output.moving_solids import MovingSolids
 from flockbrush.output.picture_exporter import chosen_theme
 from flockbrush.output.scene_meshes import PICTURE, SceneMeshes
 from flockbrush.output.usd.bodies import MATERIALS, write_material
-from flockbrush.output.usd.herd import NOTHING
+from flockbrush.output.usd.herd_prims import NOTHING
 from flockbrush.render.style import SUN
 
 PLACE, CAMERA = "/World/Place", "/World/Camera"

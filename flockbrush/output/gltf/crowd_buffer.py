@@ -11,8 +11,9 @@ from flockbrush.output.gltf.bodies import scale_of
 from flockbrush.output.gltf.records import PHASE, TURN
 from flockbrush.render.style import linear_rgb
 from flockbrush.runs.snapshots import words_of
+from flockbrush.systems.landscape import Landscape
 
-SCHEMA = "flockbrush.crowd/1"
+SCHEMA = "flockbrush.crowd/2"
 NAMES = {"<f4": "float32", "<i2": "int16", "<u2": "uint16", "<u4": "uint32", "<f2": "float16"}
 
 
@@ -23,13 +24,17 @@ def write_crowd(document, bodies, records, world, fps):
     for frame in records.by_frame():
         document.more(frame.tobytes())
     view = document.end(start) if records.frames and records.slots else None
+    wrap = bodies.simulation.world.resource(Landscape).wrap
+    had = [records.bodies.of[animal] for animal in records.slots]
+    bodies_of_all = [body for those in had for body in those]
     about = {
         "schema": SCHEMA, "bufferView": view, "fps": fps, "frames": records.frames, "animals": len(records.slots),
         "stride": records.type.itemsize, "fields": fields_of(records.type),
         "turn_scale": TURN, "phase_scale": PHASE, "flags": {"present": 1, "leader": 2},
-        "poses": poses, **_names(bodies),
-        "ids": list(records.slots), "species_of": [kind for kind, _, _ in records.bodies],
-        "scales": [[round(side, 5) for side in scale_of(long, wide)] for _, long, wide in records.bodies],
+        "wrap": wrap and [float(side) for side in wrap], "poses": poses, **_names(bodies),
+        "ids": list(records.slots), "first_body": np.cumsum([0, *map(len, had)])[:-1].tolist(),
+        "species_of": [body.species for body in bodies_of_all],
+        "scales": [[round(side, 5) for side in scale_of(body)] for body in bodies_of_all],
     }  # fmt: skip
     document.node("Herd", world, extras={"crowd": {key: value for key, value in about.items() if value is not None}})
 
@@ -42,7 +47,7 @@ def fields_of(kind: np.dtype) -> list[dict]:
         part, offset = kind.fields[name][:2]
         count = part.shape[0] if part.shape else 1
         found.append({"name": name, "offset": offset, "type": NAMES[part.base.str], "count": count})
-    return [field for field in found if field["name"] != "pad"]
+    return found
 
 
 def _poses(document, bodies):

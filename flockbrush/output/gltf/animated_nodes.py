@@ -1,4 +1,4 @@
-"""The herd in glTF as animated nodes: an animal is a node with a body for each brush it wears, and jointed limbs."""
+"""The herd in glTF as animated nodes: an animal has a jointed body for each species and brush that it has."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from flockbrush.output.gltf.records import PHASE, PRESENT, TURN
 from flockbrush.output.joints import posture
 from flockbrush.render.animal_looks import mesh_of
 from flockbrush.runs.snapshots import words_of
+from flockbrush.systems.landscape import Landscape
 
 MOST = 1000  # animals: more need the crowd buffer
 STEPS = 256  # of a cycle: as finely as joints are posed
+HIDDEN = -1  # instead of the number of a body
+AT_ONCE = 1e-3  # s between two keyframes of what jumps
 SAME = 1e-6  # what changes by less does not move
 
 
@@ -33,49 +36,67 @@ class Herd:
             message = f"animated nodes are limited to {MOST} animals, and this run has {len(records.slots)}"
             raise refused("--gltf-mode nodes", f"{message}; use --gltf-mode crowd")
         self.document, self.bodies, self.records, self.fps = document, bodies, records, fps
-        self.words = words_of(bodies.simulation)
+        self.words, self.wrap = words_of(bodies.simulation), bodies.simulation.world.resource(Landscape).wrap
         self.poses = list(bodies.poses)
         self.root = document.node("Herd", world)
         if not records.slots:
             return
-        times = np.arange(records.frames, dtype=np.float32) / np.float32(fps)
-        self.times = document.numbers(times, bounds=True)
+        self.seconds = np.arange(records.frames, dtype=np.float32) / np.float32(fps)
+        self.times = document.numbers(self.seconds, bounds=True)
         table = records.by_animal()
         for row, animal in enumerate(records.slots):
-            self._animal(animal, records.bodies[row], table[row])
+            self._animal(animal, records.bodies.of[animal], table[row])
         del table
 
-    def _animal(self, animal, body, track):
-        kind, length, width = body
-        look = self.bodies.looks()[kind]
-        node = self.document.node(f"animal {animal}", self.root, extras=self._about(animal, kind, track))
-        self._animate(node, "translation", track["place"])
+    def _animal(self, animal, bodies, track):
+        codes = {"species": np.array([body.species for body in bodies])[track["body"]], "brush": track["brush"]}
+        codes |= {name: track[name] for name in self.records.labels}
+        node = self.document.node(f"animal {animal}", self.root, extras={"id": animal} | self._names(codes))
+        self._travel(node, np.array(track["place"]))
         self._animate(node, "rotation", np.maximum(track["turn"], -TURN))
-        brushes = list(dict.fromkeys(track["brush"].tolist()))
         present = (track["flags"] & PRESENT) != 0
-        joints = self._joints(look, track)
-        for brush in brushes:
-            shown = present & (track["brush"] == brush)
-            inner = self.document.node(self.bodies.brush_name(brush), node, scale=scale_of(length, width))
-            self._appear(inner, shown, scale_of(length, width))
-            self._limbs(inner, look, brush, joints)
+        joints = {kind: self._joints(kind, codes["species"] == kind, track) for kind in np.unique(codes["species"])}
+        scales = [scale_of(body) for body in bodies]
+        for kind, brush in dict.fromkeys(zip(codes["species"].tolist(), codes["brush"].tolist(), strict=True)):
+            shown = present & (codes["species"] == kind) & (codes["brush"] == brush)
+            inner = self.document.node(self.bodies.brush_name(brush), node, scale=scales[track["body"][0]])
+            self._appear(inner, np.where(shown, track["body"].astype(int), HIDDEN), scales)
+            self._limbs(inner, self.bodies.looks()[kind], brush, joints[kind])
 
-    def _about(self, animal, kind, track):
-        """What is told of an animal beside its motion: its names, and when they changed."""
-        told = {"id": animal, "species": self.words["species"][kind]}
-        for name in ("brush", *self.records.labels):
-            told[name] = [[round(frame / self.fps, 4), self.words[name][code]] for frame, code in changes(track[name])]
-        return told
+    def _travel(self, node, places):
+        """Keyframes of positions; over the seam of a periodic map an animal leaves the map and returns at once."""
+        over = np.diff(places[:, :2], axis=0)
+        step = np.round(over / self.wrap) * self.wrap if self.wrap is not None else 0 * over
+        jumps = np.flatnonzero(step.any(axis=1))
+        if not len(jumps):
+            return self._animate(node, "translation", places)
+        outside = places[jumps + 1]
+        outside[:, :2] -= step[jumps]
+        seconds = np.insert(self.seconds, jumps + 1, self.seconds[jumps + 1] - np.float32(AT_ONCE))
+        self.document.lists["nodes"][node]["translation"] = places[0].astype(float).tolist()
+        numbers = self.document.numbers(np.insert(places, jumps + 1, outside, axis=0))
+        return self.document.animate(node, "translation", self.document.numbers(seconds, bounds=True), numbers)
 
-    def _appear(self, node, shown, scale):
-        """Let a node have no size while it is not shown."""
-        frames = [frame for frame, _ in changes(shown)]
-        if len(frames) == 1 and shown[0]:
-            return
-        self.document.show(node, [(frame, shown[frame]) for frame in frames], self.fps, scale)
+    def _names(self, codes):
+        """{name: [[second, word]]}: the names of an animal, and when they changed."""
+        return {
+            name: [[round(frame / self.fps, 4), self.words[name][code]] for frame, code in changes(numbers)]
+            for name, numbers in codes.items()
+        }
 
-    def _joints(self, look, track):
-        """{part: (translations, rotations, scales)} of all frames, part -1 the body; each an accessor or a constant."""
+    def _appear(self, node, body, scales):
+        """Give a node the size of the body that is shown in each frame, and none where it is `HIDDEN`."""
+        keys = [(frame, 0.0 if number == HIDDEN else scales[number]) for frame, number in changes(body)]
+        if keys[1:] or body[0] == HIDDEN:
+            self.document.show(node, keys, self.fps)
+
+    def _joints(self, kind, worn, track):
+        """{part: (translations, rotations, scales)} of all frames, part -1 the body; each an accessor or a constant.
+
+        While the animal is of another species, the limbs stay as they were before.
+        """
+        look = self.bodies.looks()[kind]
+        track = track[np.maximum(np.maximum.accumulate(np.where(worn, np.arange(len(worn)), -1)), np.argmax(worn))]
         clips = [self.poses[number][1] for number in track["pose"].tolist()]
         steps = np.round(track["phase"] / PHASE * STEPS).astype(int) % STEPS
         frames = [stance(look, clip, step) for clip, step in zip(clips, steps.tolist(), strict=True)]

@@ -1,0 +1,110 @@
+"""Learn from one photograph and compare the spacing and the directions of the simulated herd with it.
+
+    python benchmarks/learning.py photos [--models band swarm graze] [--full]
+
+A herd of another model (``tests/foreign_herds.py``) is photographed from above.  A brush is learned from the picture
+alone and three herds are simulated from it for 10 s.  Goals: the median of the distances to the nearest neighbour and
+each of their deciles within 15 % of the picture, and the variance of the axes within a factor of 1.5; simulated values
+are means over the last two thirds.  ``truth`` compares what is seen in the picture with the herd that was photographed.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+MODELS = "band", "swarm", "graze"
+SPEED = 1.0  # BL/s, given to the command
+SECONDS, RUNS, LOOKS = 10.0, 3, 12
+SPACING, VARIANCE = 0.15, 1.5  # goals
+
+
+def add(commands):
+    """Add the command's options."""
+    parser = commands.add_parser("photos", help="spacing and directions of herds learned from one photograph")
+    parser.add_argument("--models", nargs="*", default=list(MODELS), help="models of foreign_herds")
+    parser.add_argument("--animals", type=int, default=60)
+    parser.add_argument("--full", action="store_true", help="learn with the full settings instead of --quick's")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.set_defaults(run=run)
+
+
+def run(options):
+    """Run the study; print a line for each photograph."""
+    print(
+        "photograph | median, BL: truth, picture, simulated | worst decile | variance, deg²: picture, simulated | met"
+    )
+    rows = []
+    for model in options.models:
+        rows.append(_of_model(model, options))
+        print(" | ".join(str(value) for value in rows[-1].values()), flush=True)
+    print(f"within the goals: {sum(row['met'] for row in rows)} of {len(rows)}")
+    return rows
+
+
+def _of_model(model, options):
+    from flockbrush.learning.axis_variance import mean_variance, variance_told
+    from flockbrush.learning.scores import spacings
+
+    began = time.perf_counter()
+    clip, truth = _photograph(model, options.animals)
+    found, fields = _learned(clip, options), clip.fields
+    place, variance = [], []
+    for seed in range(RUNS):
+        ran = _simulated(clip, found, seed)
+        for t in range(len(ran) // 3, len(ran)):
+            place.append(ran.xy[ran.of(t)])
+            variance.append(mean_variance(fields, place[-1], ran.forward[ran.of(t)]))
+    of_picture, of_herd = spacings([clip.sightings.xy[clip.sightings.of(0)]]), spacings(place)
+    off, mean = of_herd / of_picture - 1.0, float(np.nanmean(variance))
+    worst, told = int(np.abs(off).argmax()), variance_told(fields)
+    met = bool(np.abs(off).max() <= SPACING and 1 / VARIANCE <= mean / told <= VARIANCE)
+    return {
+        "photograph": model, "median": f"{truth:.2f}, {of_picture[4]:.2f}, {of_herd[4]:.2f} ({off[4]:+.0%})",
+        "worst decile": f"{worst + 1}: {off[worst]:+.0%}", "variance": f"{told:.0f}, {mean:.0f}", "met": met,
+        "s": round(time.perf_counter() - began),
+    }  # fmt: skip
+
+
+def _photograph(model, animals):
+    """(the evidence of a photograph, the median distance to the nearest neighbour of the herd in it)."""
+    import cv2
+    from tests.foreign_herds import herd
+    from tests.herd_film import Camera, shoot
+
+    from flockbrush.film.observe import observe
+    from flockbrush.learning.photo import standing
+    from flockbrush.learning.scores import spacings
+
+    truth = herd(model, animals, 1.0, seed=7)
+    extent = float(np.ptp(truth.xy[0], axis=0).max()) + 6.0
+    body = float(np.clip(620.0 / extent, 11.0, 22.0))
+    side = int(np.ceil(extent * body / 16) * 16)
+    middle = 0.5 * (truth.xy[0].min(0) + truth.xy[0].max(0))
+    camera = Camera((0.0, 0.0), 0.0, 0.0, 0.0, look_at=tuple(middle.tolist()))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "photo.png"
+        cv2.imwrite(str(path), shoot(truth, None, (side, side), body, camera, seed=5).frames[0])
+        return standing(observe(path), SPEED), float(spacings([truth.xy[0]])[4])
+
+
+def _learned(clip, options):
+    from flockbrush.learning.learn import BUDGET, QUICK_BUDGET, QUICK_STARTS
+    from flockbrush.learning.recipe import SearchSettings, learn
+
+    quick = {"budget_s": QUICK_BUDGET, "starts": QUICK_STARTS, "quick": True}
+    how = {"budget_s": BUDGET} if options.full else quick
+    return learn(clip, SearchSettings(use=frozenset({"density", "variance"}), **how), jobs=options.jobs)
+
+
+def _simulated(clip, found, seed):
+    from flockbrush.learning.initial_conditions import start_of
+    from flockbrush.learning.rollout import rollout
+
+    return rollout(
+        start_of(clip, 0, seed, found.body), found.params, found.speed, found.body, found.vision, seconds=SECONDS,
+        fps=LOOKS / SECONDS, seed=seed,
+    )  # fmt: skip

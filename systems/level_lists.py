@@ -1,0 +1,52 @@
+"""The lists of level things that a running world keeps, and what undo puts back in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.life import Nursery
+
+
+class ThingKind(NamedTuple):
+    """A kind of level thing."""
+
+    paths: tuple  # attributes of the landscape, or of the nursery for spawns, that hold its lists
+    put: Callable[[Any, int], Any]  # the command that puts a thing at a place of its list, or changes it to be so
+    away: Callable[[Any, int, int], Any]  # the command that takes away a thing at a place of list number n
+
+
+KINDS: dict[str, ThingKind] = {}
+
+
+def lists_of(world, kind):
+    """The lists of the things of a kind."""
+    owner = world.resource(Nursery if kind == "spawn" else Landscape)
+    return [attrgetter(path)(owner) for path in KINDS[kind].paths]
+
+
+class TouchedThings(NamedTuple):
+    """The things of a kind: a command replaces what it changes, and leaves the others as they are."""
+
+    kind: str
+
+    def taken(self, world):
+        born = list(world.resource(Nursery).born) if self.kind == "spawn" else []
+        return [list(things) for things in lists_of(world, self.kind)], born
+
+    def back(self, world, taken):
+        known, (before, born), out = KINDS[self.kind], taken, []
+        for n, (was, now) in enumerate(zip(before, lists_of(world, self.kind), strict=True)):
+            stays = {id(thing) for thing in was} & {id(thing) for thing in now}
+            gone = [(k, thing) for k, thing in enumerate(was) if id(thing) not in stays]
+            changed = {thing.id or thing.name for _, thing in gone}
+            added = [(k, thing) for k, thing in enumerate(now) if id(thing) not in stays]
+            new = [(k, thing) for k, thing in added if (thing.id or thing.name) not in changed]
+            out += [known.away(thing, k, n) for k, thing in reversed(new)]
+            for k, thing in gone:
+                put = known.put(thing, k)
+                out.append(replace(put, born=born[k]) if born else put)
+        return out
