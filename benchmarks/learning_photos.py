@@ -72,9 +72,9 @@ def _of_model(model, options):
 def _photograph(model, animals):
     """(the evidence of a photograph, the median distance to the nearest neighbour of the herd in it)."""
     import cv2
+
     from benchmarks.foreign_herds import herd
     from benchmarks.herd_film import Camera, shoot
-
     from flockbrush.film.observe import observe
     from flockbrush.learning.photo import standing
     from flockbrush.learning.scores import spacings
