@@ -2,7 +2,7 @@
 
     python benchmarks/learning.py time [--animals 200] [--frames 100] [--runs 1]
 
-The clip is a simulated herd (`swarm` of ``tests/foreign_herds.py``), filmed at 960 x 720.  The command runs in a
+The clip is a simulated herd (`swarm` of ``benchmarks/foreign_herds.py``), filmed at 960 x 720.  The command runs in a
 process of its own, with a report, in full and with ``--quick``; a first run with ``--quick`` is not counted.  CPU time
 is that of all its threads and processes, user and system.  On a shared machine read CPU times.
 """
@@ -33,8 +33,8 @@ def add(commands):
 
 def run(options):
     """Time both kinds; print a line for each run."""
-    from tests.foreign_herds import herd
-    from tests.herd_film import Camera, shoot
+    from benchmarks.foreign_herds import herd
+    from benchmarks.herd_film import Camera, shoot
 
     rows = []
     with tempfile.TemporaryDirectory() as folder:

@@ -2,7 +2,7 @@
 
     python benchmarks/learning.py variants [--models band mill] [--full]
 
-A herd of another model is filmed once (``tests/herd_film.py``).  The same pictures are encoded at three compressions
+A herd of another model is filmed once (``benchmarks/herd_film.py``).  The same pictures are encoded at three compressions
 (x264 at crf 18, 23 and 30) and cropped in four ways: a band is cut off at the left, right, top or bottom, beside the
 herd.  A brush is learned from the first half of each, and every brush is simulated from the second half of the clip at
 crf 23.  Two brushes agree in a measure if they differ by no more than the limit of the report, for the measures of the
@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-MODELS = "band", "mill"  # of tests/foreign_herds.py
+MODELS = "band", "mill"  # of benchmarks/foreign_herds.py
 COMPRESSIONS = 18, 23, 30
 ROOM = 3.0  # body lengths beside the herd, of which most is cropped
 CUT = 2.0
@@ -79,8 +79,8 @@ def _text(value):
 
 def _films(model, options, folder):
     """{variant: path} of one herd, filmed once."""
-    from tests.foreign_herds import herd
-    from tests.herd_film import LOOKS, Camera, _Writer, shoot
+    from benchmarks.foreign_herds import herd
+    from benchmarks.herd_film import LOOKS, Camera, _Writer, shoot
 
     truth = herd(model, options.animals, options.seconds, seed=5)
     extent = float(np.ptp(truth.xy - truth.xy.mean(1, keepdims=True), axis=(0, 1)).max()) + 2 * ROOM

@@ -1,12 +1,6 @@
-"""Sixteen lanes against numpy, with this machine's instructions and with the plainest."""
-
-import os
-import subprocess
-import sys
-from pathlib import Path
+"""Sixteen lanes against numpy; the plainest processor is in `test_replaying.py`."""
 
 import numpy as np
-import pytest
 from flockbrush.engine import lanes
 from numba import njit
 
@@ -75,31 +69,3 @@ def test_arithmetic_is_numpys_bit_for_bit():
     assert np.array_equal(out[16:32], np.sqrt(b))
     assert np.array_equal(out[32:48], np.maximum(a, c))
     assert np.array_equal(out[48:], np.where((a >= b) & (a >= c) | (a <= 0), a, 7.0))
-
-
-@pytest.mark.slow
-def test_a_herd_sees_the_same_on_the_plainest_processor():
-    program = """
-import numpy as np, zlib
-from flockbrush.systems.grid import sort_into_cells
-from flockbrush.systems.visibility import visible_neighbours
-rng = np.random.default_rng(0)
-xyz, angle = np.c_[rng.uniform(0, 20, (600, 2)), np.zeros(600)], rng.uniform(0, 7, 600).round(2)
-forward = np.c_[1 - angle, angle, 0 * angle] / np.hypot(1 - angle, angle)[:, None]
-cells = sort_into_cells(xyz, forward, np.full(600, 1.0), np.full(600, 0.2), 8.0)
-lists = visible_neighbours(cells, np.full(600, 8.0), np.full(600, -0.5))
-print(len(lists.near), zlib.crc32(lists.first.tobytes() + lists.near.tobytes() + lists.offset.tobytes()))
-"""
-    plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
-    here, there = (
-        subprocess.run(
-            [sys.executable, "-c", program],
-            cwd=Path(__file__).parents[2],
-            env={**os.environ, **more},
-            check=True,
-            capture_output=True,
-            text=True,
-        ).stdout
-        for more in ({}, plain)
-    )
-    assert here == there and int(here.split()[0]) > 1000

@@ -85,7 +85,7 @@ def test_numbers_whose_errors_go_together_are_named():
 
 
 @pytest.mark.slow
-def test_the_command_learns_from_a_table_with_gaps(tracks, tmp_path, capsys):
+def test_the_command_learns_from_a_table_with_gaps(tracks, hasty_learning, tmp_path, capsys):
     path = tmp_path / "march.csv"
     rows = [
         f"{t},{t / 16},{n},{tracks[t, n, 0]:.4f},{tracks[t, n, 1]:.4f}"

@@ -204,9 +204,6 @@ class Levels(Kind):
         texts = [json.dumps(files).encode(), json.dumps(files["small.tmj"], indent=1).encode()]
         return [pen(self.folder, sheep=8).read_bytes(), *2 * texts]
 
-    def changed(self, rng, data):
-        return m.changed_json(rng, data)
-
     def read(self, path):
         from small_level import survives, tileset
 
@@ -239,9 +236,6 @@ class Tilesets(Kind):
         self.folder.mkdir(parents=True, exist_ok=True)
         self.level = pen(self.folder, sheep=8)
         return [path.read_bytes() for path in sorted((self.folder / "tilesets").glob("*.tsj"))]
-
-    def changed(self, rng, data):
-        return m.changed_json(rng, data)
 
     def read(self, path):
         from flockbrush.levels.reader import read_level

@@ -4,10 +4,14 @@ Every function takes a ``random.Random`` first and gives a changed copy.
 """
 
 import copy
+import io
 import json
 import math
 import struct
+import zipfile
 import zlib
+
+import numpy as np
 
 WORDS = [
     "", "a", "x" * 300, "x" * 70_000, "a\nb", "a\rb", "\0", "\x1b[2J", "\ud800", "é" * 40, "../../etc/passwd",
@@ -215,3 +219,66 @@ def packed_again(rng, data, change):
         return zlib.compress(change(rng, zlib.decompress(data)))
     except zlib.error:
         return changed_bytes(rng, data)
+
+
+# archives of arrays ----------------------------------------------------------------------------
+
+
+def changed_archive(rng, data):
+    """A zip archive of arrays with one of them changed, gone or in the place of another, and right checksums."""
+    with zipfile.ZipFile(io.BytesIO(data)) as old:
+        members = {name: old.read(name) for name in old.namelist()}
+    name, how = rng.choice(sorted(members)), rng.randrange(6)
+    if how == 0:
+        del members[name]
+    elif how == 1:
+        members[name] = members[rng.choice(sorted(members))]
+    elif how == 2:
+        members[name] = array_of(odd(rng))
+    elif how == 3:
+        members[name] = array_of(odd_array(rng))
+    elif how == 4:
+        members[name] = changed_head(rng, members[name])
+    else:
+        members[name] = changed_bytes(rng, members[name])
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as new:
+        for key, content in members.items():
+            new.writestr(zipfile.ZipInfo(key), content, zipfile.ZIP_DEFLATED)
+    return packed.getvalue()
+
+
+def array_of(value):
+    """A value as an array in a file, where it can be one."""
+    packed = io.BytesIO()
+    try:
+        np.save(packed, np.array(value), allow_pickle=False)
+    except (ValueError, OverflowError, UnicodeEncodeError):
+        np.save(packed, np.zeros((2, 0, 3)))
+    return packed.getvalue()
+
+
+def changed_head(rng, data):
+    """The file of an array with another shape, another type or a broken head."""
+    size = int.from_bytes(data[8:10], "little")
+    text = data[10 : 10 + size].decode()
+    how = rng.randrange(3)
+    if how == 0:
+        shapes = "(0, 0, 2)", "(12, 3)", "(1000000000, 3, 2)", "(-1, 3, 2)", "(2**40,)", "()", "(12, 3, 2, 1)"
+        text = f"{text[: text.index('(')]}{rng.choice(shapes)}{text[text.index(')') + 1 :]}"
+    elif how == 1:
+        text = text.replace("<f8", rng.choice(["<f4", "|O", "<c16", "|S9", "<M8[s]", "<i8", ">f8", "|V0", "<U99"]))
+    else:
+        text = changed_bytes(rng, text.encode()).decode(errors="replace")
+    text = text.encode("latin-1", "replace")[:60_000]
+    return data[:8] + len(text).to_bytes(2, "little") + text + data[10 + size :]
+
+
+def odd_array(rng):
+    """An array of another shape, type or of values that are no places."""
+    shape = rng.choice([(), (0,), (12,), (12, 1), (12, 3, 2), (2, 0, 3), (1, 1, 1, 1)])
+    kind = rng.choice([np.float64, np.float32, np.int8, np.uint64, np.bool_, np.complex128, "S3", "U2", "M8[s]"])
+    values = np.ones(shape).astype(kind)
+    if values.size and values.dtype.kind == "f":
+        values.flat[rng.randrange(values.size)] = rng.choice([np.nan, np.inf, -1e30, 1e-30])
+    return values

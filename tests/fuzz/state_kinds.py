@@ -17,9 +17,6 @@ class Sessions(Kind):
         branch = {"recording": "a.flock", "journal": "a.journal", "parent": "", "left": 0}
         return [json.dumps({"level": "a.tmj", "current": "main", "branches": {"main": branch}}).encode()]
 
-    def changed(self, rng, data):
-        return m.changed_json(rng, data)
-
     def read(self, path):
         from flockbrush.studio.recovery import NOTE, leftovers
 
@@ -83,9 +80,6 @@ class Trials(Kind):
     def sound(self):
         return [json.dumps({"signature": "x", "done": {"a": [1.5, {"b": None}], "c": 2}}).encode()]
 
-    def changed(self, rng, data):
-        return m.changed_json(rng, data)
-
     def read(self, path):
         from flockbrush.learning.workers import Workers
 
@@ -102,9 +96,6 @@ class Settings(Kind):
         from flockbrush.studio.settings import Settings as Chosen
 
         return [Chosen().model_dump_json().encode()]
-
-    def changed(self, rng, data):
-        return m.changed_json(rng, data)
 
     def read(self, path):
         from flockbrush.studio.settings import load_settings

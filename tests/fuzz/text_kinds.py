@@ -12,13 +12,11 @@ from kind import SHIPPED, Kind
 
 class _Toml(Kind):
     ending, share, places = ".toml", 0.7, ""
+    changes = staticmethod(m.changed_toml)
 
     @cached_property
     def sound(self):
         return [path.read_bytes() for path in sorted(SHIPPED.glob(self.places))]
-
-    def changed(self, rng, data):
-        return m.changed_toml(rng, data)
 
 
 @contextmanager
@@ -130,6 +128,7 @@ class Tracks(Kind):
     """Tracks of birds, smoothed."""
 
     ending = ".csv"
+    changes = staticmethod(m.changed_table)
 
     @cached_property
     def sound(self):
@@ -138,9 +137,6 @@ class Tracks(Kind):
             "\n".join(["frame,id,x,y", *rows]).encode(),
             "\n".join(["frame,id,x,y,gone", *(r + ",0" for r in rows)]).encode(),
         ]
-
-    def changed(self, rng, data):
-        return m.changed_table(rng, data)
 
     def read(self, path):
         from flockbrush.film.tracks import read_marks, read_tracks, smoothed
@@ -160,14 +156,12 @@ class Flights(Kind):
     """Flights in space, shown."""
 
     ending = ".csv"
+    changes = staticmethod(m.changed_table)
 
     @cached_property
     def sound(self):
         rows = [f"{f},{f / 30:.4f},{b},{3 * f},{2 * b},{10 + b}" for f in range(6) for b in range(4)]
         return ["\n".join(["frame,time,id,x,y,z", *rows]).encode(), "\n".join(["frame,id,x,y,z"]).encode()]
-
-    def changed(self, rng, data):
-        return m.changed_table(rng, data)
 
     def read(self, path):
         from flockbrush.lifting.flight_show import Show
@@ -179,6 +173,7 @@ class Marks(Kind):
     """Marked birds, extracted."""
 
     ending = ".csv"
+    changes = staticmethod(m.changed_table)
 
     @cached_property
     def sound(self):
@@ -188,9 +183,6 @@ class Marks(Kind):
             "\n".join(["frame,bird,x_px,y_px,wingspan_px", *pixels]).encode(),
             "\n".join(["bird,x_b,y_b", *spans]).encode(),
         ]
-
-    def changed(self, rng, data):
-        return m.changed_table(rng, data)
 
     def read(self, path):
         from flockbrush.behaviours.formation.extraction import extract
@@ -218,9 +210,6 @@ class Formations(Kind):
             frames = np.array([x, x * 1.05]), np.array([y, y * 0.95])
             found.append(to_json(extract(Marked(("0", "1"), tuple("abcdefg"), *frames), kind)).encode())
         return found
-
-    def changed(self, rng, data):
-        return m.changed_json(rng, data)
 
     def read(self, path):
         from flockbrush.behaviours.formation.formation_shapes import load_formation

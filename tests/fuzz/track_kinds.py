@@ -2,13 +2,11 @@
 
 import importlib.util
 import io
-import zipfile
 from functools import cached_property
 
 import mutations as m
 import numpy as np
 from kind import Kind
-from picture_kinds import array_of
 
 FRAMES, ANIMALS = 12, 3
 
@@ -42,6 +40,7 @@ class TrackTables(_Animals):
     """CSV: of Flockbrush, trackdf, Movebank, DeepLabCut, idtracker.ai and TRex."""
 
     ending, share = ".csv", 1.0
+    changes = staticmethod(m.changed_table)
 
     @cached_property
     def sound(self):
@@ -59,14 +58,12 @@ class TrackTables(_Animals):
             table("frame,X#wcentroid,Y#wcentroid (cm)".replace(" (cm)", ""), [(t, *xy[t, 0]) for t in range(FRAMES)]),
         ]
 
-    def changed(self, rng, data):
-        return m.changed_table(rng, data)
-
 
 class TrexFiles(_Animals):
     """One animal of TRex: zip archives of arrays, with right checksums."""
 
     ending = ".npz"
+    changes = staticmethod(m.changed_archive)
 
     @cached_property
     def sound(self):
@@ -74,28 +71,6 @@ class TrexFiles(_Animals):
         places = {"X#wcentroid": paths()[:, 0, 0], "Y#wcentroid": paths()[:, 0, 1]}
         np.savez(packed, **places, frame=np.arange(FRAMES), missing=np.zeros(FRAMES), frame_rate=np.array([10.0]))
         return [packed.getvalue()]
-
-    def changed(self, rng, data):
-        with zipfile.ZipFile(io.BytesIO(data)) as old:
-            members = {name: old.read(name) for name in old.namelist()}
-        name, how = rng.choice(sorted(members)), rng.randrange(6)
-        if how == 0:
-            del members[name]
-        elif how == 1:
-            members[name] = members[rng.choice(sorted(members))]
-        elif how == 2:
-            members[name] = array_of(m.odd(rng))
-        elif how == 3:
-            members[name] = array_file(odd_array(rng))
-        elif how == 4:
-            members[name] = changed_head(rng, members[name])
-        else:
-            members[name] = m.changed_bytes(rng, members[name])
-        packed = io.BytesIO()
-        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as new:
-            for key, content in members.items():
-                new.writestr(zipfile.ZipInfo(key), content, zipfile.ZIP_DEFLATED)
-        return packed.getvalue()
 
 
 class TrackArrays(_Animals):
@@ -105,42 +80,10 @@ class TrackArrays(_Animals):
 
     @cached_property
     def sound(self):
-        return [array_file(paths()), array_file(paths().astype(np.float32))]
+        return [m.array_of(paths()), m.array_of(paths().astype(np.float32))]
 
     def changed(self, rng, data):
-        return changed_head(rng, data) if rng.random() < 0.6 else array_file(odd_array(rng))
-
-
-def array_file(values):
-    packed = io.BytesIO()
-    np.save(packed, values, allow_pickle=False)
-    return packed.getvalue()
-
-
-def changed_head(rng, data):
-    """The file of an array with another shape, another type or a broken head."""
-    size = int.from_bytes(data[8:10], "little")
-    text = data[10 : 10 + size].decode()
-    how = rng.randrange(3)
-    if how == 0:
-        shapes = "(0, 0, 2)", "(12, 3)", "(1000000000, 3, 2)", "(-1, 3, 2)", "(2**40,)", "()", "(12, 3, 2, 1)"
-        text = f"{text[: text.index('(')]}{rng.choice(shapes)}{text[text.index(')') + 1 :]}"
-    elif how == 1:
-        text = text.replace("<f8", rng.choice(["<f4", "|O", "<c16", "|S9", "<M8[s]", "<i8", ">f8", "|V0", "<U99"]))
-    else:
-        text = m.changed_bytes(rng, text.encode()).decode(errors="replace")
-    text = text.encode("latin-1", "replace")[:60_000]
-    return data[:8] + len(text).to_bytes(2, "little") + text + data[10 + size :]
-
-
-def odd_array(rng):
-    """An array of another shape, type or of values that are no places."""
-    shape = rng.choice([(), (0,), (FRAMES,), (FRAMES, 1), (FRAMES, ANIMALS, 2), (2, 0, 3), (1, 1, 1, 1)])
-    kind = rng.choice([np.float64, np.float32, np.int8, np.uint64, np.bool_, np.complex128, "S3", "U2", "M8[s]"])
-    values = np.ones(shape).astype(kind)
-    if values.size and values.dtype.kind == "f":
-        values.flat[rng.randrange(values.size)] = rng.choice([np.nan, np.inf, -1e30, 1e-30])
-    return values
+        return m.changed_head(rng, data) if rng.random() < 0.6 else m.array_of(m.odd_array(rng))
 
 
 class _Built(_Animals):

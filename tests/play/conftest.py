@@ -19,6 +19,16 @@ def level(tmp_path):
 
 
 @pytest.fixture
+def session(level, tmp_path):
+    """A session on the level of the tests."""
+    from flockbrush.studio.session import Session
+
+    made = Session.open(level, state_folder=tmp_path / "state")
+    yield made
+    made.close()
+
+
+@pytest.fixture
 def state(tmp_path):
     """Where sessions are kept."""
     return tmp_path / "state"

@@ -67,3 +67,8 @@ def by_hand(session, branch=None):
     branch = session.branches[branch or session.branch_name]
     script = [entry[:2] for entry in branch.script]
     return [entry for entry in branch.commands if entry not in script]
+
+
+def texts(session):
+    """What a session has said, in words."""
+    return [notice.text for notice in session.notices()]

@@ -12,10 +12,7 @@ from flockbrush.studio.forms import blank, changed, live_commands, rows_of
 
 
 @pytest.fixture
-def window(tmp_path, monkeypatch):
-    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
-        monkeypatch.setenv(name, str(tmp_path / name))
-    monkeypatch.chdir(tmp_path)
+def window(tmp_path, in_own_folder):
     window = Window(pasture(tmp_path, script=False))
     yield window
     window.close()

@@ -10,11 +10,8 @@ from window import Window, pygame
 
 
 @pytest.fixture
-def window(tmp_path, monkeypatch):
+def window(tmp_path, in_own_folder):
     """A window on a pasture with the tool in hand and one sheep chosen; time stands still."""
-    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
-        monkeypatch.setenv(name, str(tmp_path / name))
-    monkeypatch.chdir(tmp_path)
     window = Window(pasture(tmp_path, script=False))
     window.key("l")
     window.click(window.agents[Position.xyz][0, :2])

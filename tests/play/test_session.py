@@ -11,7 +11,7 @@ from flockbrush.systems.palette import Palette
 from flockbrush.systems.steer import AskModels, NotFinite
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from small_pasture import by_hand, pasture, straight_run, stroke, verified
+from small_pasture import by_hand, pasture, straight_run, stroke, texts, verified
 
 from flockbrush.runs.run import begin
 from flockbrush.studio.session import Session
@@ -23,17 +23,6 @@ PLENTY = 10.0  # s of budget
 @pytest.fixture(scope="module")
 def level(tmp_path_factory):
     return pasture(tmp_path_factory.mktemp("pasture"))
-
-
-@pytest.fixture
-def session(level, tmp_path):
-    made = Session.open(level, state_folder=tmp_path / "state")
-    yield made
-    made.close()
-
-
-def texts(session):
-    return [notice.text for notice in session.notices()]
 
 
 def played(session, frames, budget=PLENTY):

@@ -16,7 +16,7 @@ from flockbrush.levels.reader import read_level
 from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter
 from flockbrush.systems.edits import DrawGuide, MarkSpawn
 from flockbrush.systems.palette import Palette
-from small_pasture import by_hand, pasture, straight_run, stroke, verified
+from small_pasture import by_hand, pasture, straight_run, stroke, texts, verified
 
 from flockbrush.cli.main import called
 from flockbrush.studio.history import History
@@ -26,17 +26,6 @@ from flockbrush.studio.session import Session
 @pytest.fixture
 def level(tmp_path):
     return pasture(tmp_path / "levels", script=False)
-
-
-@pytest.fixture
-def session(level, tmp_path):
-    made = Session.open(level, state_folder=tmp_path / "state")
-    yield made
-    made.close()
-
-
-def texts(session):
-    return [notice.text for notice in session.notices()]
 
 
 def brushes(session):

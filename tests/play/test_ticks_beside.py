@@ -24,13 +24,6 @@ def level(tmp_path_factory):
     return pasture(tmp_path_factory.mktemp("pasture"), script=False)
 
 
-@pytest.fixture
-def session(level, tmp_path):
-    made = Session.open(level, state_folder=tmp_path / "state")
-    yield made
-    made.close()
-
-
 class Gate:
     """Ticks of a session that do not end before they are let through."""
 

@@ -9,10 +9,7 @@ from window import Window
 
 
 @pytest.fixture
-def window(tmp_path, monkeypatch):
-    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
-        monkeypatch.setenv(name, str(tmp_path / name))
-    monkeypatch.chdir(tmp_path)
+def window(tmp_path, in_own_folder):
     window = Window(pasture(tmp_path, script=False))
     window.set_option("shape", "rectangle")
     yield window

@@ -14,11 +14,8 @@ from flockbrush.studio.tools import TOOLS
 
 
 @pytest.fixture
-def window(tmp_path, monkeypatch):
+def window(tmp_path, in_own_folder):
     """A window on a pasture of 24 x 16 m: nine sheep in the west, a stone in the east, a way through the middle."""
-    for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
-        monkeypatch.setenv(name, str(tmp_path / name))
-    monkeypatch.chdir(tmp_path)
     window = Window(pasture(tmp_path, script=False))
     window.set_size(1.5)
     yield window

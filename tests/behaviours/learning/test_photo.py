@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from tests.foreign_herds import Truth
-from tests.herd_film import evidence_of_truth
 
+from benchmarks.foreign_herds import Truth
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning.herd_views import followed, told_apart, view_of
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.photo import standing

@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 import pytest
-from tests.foreign_herds import herd
-from tests.herd_film import evidence_of_truth
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import evidence_of_truth
 from flockbrush.film.body_outlines import areas_alone
 from flockbrush.film.several_kinds import sizes_told, speeds_told, two_groups
 
