@@ -1,6 +1,7 @@
 """Rewrite the parts of the documentation that are generated from the code: ``python docs/generate.py``.
 
-The JSON schemas in ``docs/schemas`` and the tables of parameters in ``docs/models.md``.
+The JSON schemas in ``docs/schemas``, the tables of parameters in ``docs/models.md`` and those of sliders in
+``docs/brushes.md``.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from pathlib import Path
 from flockbrush.behaviours.behaviour import Behaviour, Parameters, behaviours
 
 DOCS = Path(__file__).parent
+MILLS, ORDERED = 0.5, 0.9  # milling of a herd that rotates, polarization of one with a common heading
 
 
 def schema_texts() -> dict[Path, str]:
@@ -78,10 +80,34 @@ def slider_table() -> str:
     return "\n".join(rows)
 
 
+def order_table() -> str:
+    """What was measured of the slider order, by brush, as a Markdown table below a marker."""
+    from flockbrush.studio.panels.macros import GOAL, ranges_by_brush
+
+    measured = ranges_by_brush()["order"]
+    moved = ("milling", "nnd", "group_spread", "largest_part", "speed_mean")
+    rows = [
+        "<!-- order -->\n| brush | ranges | polarization at 0, 1/4, 1/2, 3/4, 1 | polarization | "
+        f"{' | '.join(moved)} | ratio | goal |",
+        "|---" * (len(moved) + 6) + "|",
+    ]
+    for name, entry in measured.items():
+        best, low, high = entry["ratio"]
+        mills, ordered = max(entry["milling"]) >= MILLS, min(entry["polarization"]) >= ORDERED
+        goal = "mills" if mills else "always ordered" if ordered else "yes" if best >= GOAL else "no"
+        moves = " | ".join(f"{entry['moves'][one]:.1f}" for one in ("polarization", *moved))
+        course = ", ".join(f"{value:.2f}" for value in entry["polarization"])
+        ranges = "own" if "ranges" in entry else "general"
+        rows.append(f"| {name} | {ranges} | {course} | {moves} | {best:.1f} ({low:.1f} to {high:.1f}) | {goal} |")
+    return "\n".join(rows)
+
+
 def brushes_page(text: str) -> str:
-    """The page of brushes with the table of sliders as it is now."""
-    before, marker, after = text.partition("<!-- sliders -->")
-    return f"{before}{slider_table()}\n\n{after.partition(chr(10) * 2)[2]}" if marker else text
+    """The page of brushes with the tables of sliders and of the slider order as they are now."""
+    for start, table in (("<!-- sliders -->", slider_table), ("<!-- order -->", order_table)):
+        before, marker, after = text.partition(start)
+        text = f"{before}{table()}\n\n{after.partition(chr(10) * 2)[2]}" if marker else text
+    return text
 
 
 def texts() -> dict[Path, str]:
