@@ -11,6 +11,8 @@ from browser import Browser, chromium
 from flockbrush.components import Heading, Position
 from flockbrush.engine.recording import open_recording, resume, state_hash
 
+from flockbrush.output.page.coarse import coarse_triangles
+from flockbrush.render.animal_looks import LOOKS, mesh_of
 from flockbrush.runs.run import rebuild, start
 
 tools = [
@@ -150,6 +152,17 @@ class TestInABrowser:
         way = asked(shown, "p.camera.getWorldDirection(new THREE.Vector3()).toArray()")
         assert way[2] < -0.999
 
+    def test_small_animals_have_fewer_triangles(self, shown):
+        counts = "Object.entries(p.animals.looks).map(([name, look]) => [name, look.geometry.instanceCount])"
+        found = []
+        for share in (0.02, 20):  # of the way from the herd to the camera
+            way = f"p.camera.position.sub(p.orbit.target).multiplyScalar({share}).add(p.orbit.target)"
+            asked(shown, f"{{ p.view('orbit'); p.orbit.target.copy(p.animals.middle()); {way}; p.orbit.update(); }}")
+            drawn(shown)
+            told = dict(asked(shown, counts))
+            found.append((told["beast"] > 0, told["beast"] + told["beast coarse"]))
+        assert found == [(True, 24), (False, 24)]
+
     def test_the_page_says_where_it_comes_from(self, shown, recording):
         import hashlib
 
@@ -187,6 +200,26 @@ def test_an_animal_grows_where_an_edit_says_so_and_its_size_is_that_of_each_fram
     for time_s, now in sizes.items():
         times = {animal: 3 if animal == 2 and 0.5 <= time_s < 1 else 1 for animal in now}
         assert all(np.allclose(now[a], np.multiply(first[a], times[a]), rtol=1e-6) for a in now), time_s
+
+
+def covered(mesh, triangles, axes):
+    """Which pixels of a picture of 64 pixels a body length the triangles cover."""
+    picture = np.zeros((160, 160), np.uint8)
+    at = np.round(80 + 64 * mesh.points[:, axes]).astype(np.int32)
+    for triangle in triangles:
+        cv2.fillConvexPoly(picture, at[triangle], 1)
+    return picture.astype(bool)
+
+
+@pytest.mark.parametrize("look", list(LOOKS))
+def test_coarse_bodies_have_all_limbs_and_the_outline_of_the_fine_ones(look):
+    mesh = mesh_of(look)
+    coarse = coarse_triangles(mesh)
+    assert len(coarse) < 0.55 * len(mesh.triangles)
+    assert set(mesh.part[coarse[:, 0]]) == set(mesh.part[mesh.triangles[:, 0]])
+    for axes in ([0, 1], [0, 2]):  # from above, from the side
+        fine, few = covered(mesh, mesh.triangles, axes), covered(mesh, coarse, axes)
+        assert (fine & few).sum() > 0.6 * (fine | few).sum(), axes
 
 
 def test_feet_stay_where_they_stand():

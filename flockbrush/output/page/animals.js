@@ -3,6 +3,7 @@
 
 const SUN = [-0.42, -0.38, 0.824];  // as in the playground
 const SMALLEST = 7;  // pixels: no animal is drawn shorter
+const COARSE = 16;   // pixels: shorter animals have fewer triangles
 const TRAIL = 2.5;   // s
 const SCALE = ["#00224e", "#35456c", "#666970", "#948e77", "#c8b866", "#fee838"];  // cividis
 
@@ -49,7 +50,11 @@ class Animals {
     this.run = run;
     this.about = about;
     this.ground = place;
-    this.looks = Object.fromEntries(Object.entries(about.meshes).map(([name, mesh]) => [name, new Look(scene, mesh, run.most, about, place)]));
+    this.looks = {};
+    for (const [name, mesh] of Object.entries(about.meshes)) {
+      this.looks[name] = new Look(scene, mesh, run.most, about, place);
+      this.looks[`${name} coarse`] = new Look(scene, { ...mesh, triangles: mesh.coarse }, run.most, about, place);
+    }
     this.colouring = "brush";
     this.selected = null;
     this.top = Math.max(0.1, ...about.measures.find((m) => m.name === "speed").values.map((value) => 2 * (value ?? 0)));
@@ -76,11 +81,13 @@ class Animals {
   }
 
   draw(time, camera, height, trails) {
-    const run = this.run, counts = {};
+    const run = this.run, counts = {}, eye = camera.position, pixel = 2 * Math.tan(camera.fov * Math.PI / 360) / height;
     run.at(time);
     for (const name in this.looks) counts[name] = 0;
     for (let i = 0; i < run.count; i++) {
-      const name = this.about.looks[run.species[i]] ?? "beast", look = this.looks[name], k = 4 * counts[name]++;
+      const away = Math.hypot(run.x[i] - eye.x, run.y[i] - eye.y, run.z[i] - eye.z);
+      const name = (this.about.looks[run.species[i]] ?? "beast") + (run.length[i] < COARSE * pixel * away ? " coarse" : "");
+      const look = this.looks[name], k = 4 * counts[name]++;
       const colour = this.colour(i), clip = run.clip[i], poses = look.poses[clip], at = run.phase[i] * poses, row = Math.floor(at) % poses;
       look.place.array.set([run.x[i], run.y[i], run.z[i], run.length[i]], k);
       look.turn.array.set([run.yaw[i], run.pitch[i], run.roll[i], run.width[i] / 0.4], k);
@@ -90,7 +97,7 @@ class Animals {
     for (const name in this.looks) {
       const look = this.looks[name];
       look.geometry.instanceCount = counts[name];
-      look.uniforms.pixel.value = 2 * Math.tan(camera.fov * Math.PI / 360) / height;
+      look.uniforms.pixel.value = pixel;
       for (const attribute of [look.place, look.turn, look.pose, look.paint]) attribute.needsUpdate = true;
       for (const mesh of look.meshes) mesh.visible = counts[name] > 0;
     }

@@ -13,6 +13,7 @@ from flockbrush.engine.recording import state_hash
 from flockbrush.output.attitude import held
 from flockbrush.output.body_list import BodyList
 from flockbrush.output.moving_solids import MovingSolids
+from flockbrush.output.page.coarse import coarse_triangles
 from flockbrush.output.page.frames import COLUMNS, FRAMES, packed, row_of
 from flockbrush.output.painted_ground import PaintedGround
 from flockbrush.output.picture_exporter import chosen_theme
@@ -245,6 +246,7 @@ def _mesh(look):
         first[clip], count[clip], at = at, len(points), at + len(points)
     return {
         "triangles": mesh.triangles.ravel().tolist(),
+        "coarse": coarse_triangles(mesh).ravel().tolist(),
         "shade": mesh.shade.tolist(),
         "points": np.round(np.concatenate(list(poses.values())), 4).ravel().tolist(),
         "vertices": len(mesh.points),
