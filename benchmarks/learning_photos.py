@@ -2,7 +2,7 @@
 
     python benchmarks/learning.py photos [--models band swarm graze] [--full]
 
-A herd of another model (``benchmarks/foreign_herds.py``) is photographed from above.  A brush is learned from the picture
+A herd of another model (``foreign_herds.py``) is photographed from above.  A brush is learned from the picture
 alone and three herds are simulated from it for 10 s.  Goals: the median of the distances to the nearest neighbour and
 each of their deciles within 15 % of the picture, and the variance of the axes within a factor of 1.5; simulated values
 are means over the last two thirds.  ``truth`` compares what is seen in the picture with the herd that was photographed.
