@@ -288,8 +288,9 @@ def filled_up(lists: np.ndarray, count: np.ndarray, other: np.ndarray):
 def _all_dangers(scene: Scene):
     """(first, offset) of all that each animal fears, wherever they are."""
     kinds = kinds_in(scene)
-    feared = kinds.fears[kinds.kind[:, None], kinds.kind[None, :]]
-    observer, who = np.nonzero(feared & ~np.eye(len(scene.ids), dtype=bool))
+    timid, feared = (np.flatnonzero(kinds.fears.any(axis)[kinds.kind]) for axis in (1, 0))  # few fear, or none
+    pairs = kinds.fears[kinds.kind[timid, None], kinds.kind[feared]] & (timid[:, None] != feared)
+    observer, who = (rows[k] for rows, k in zip((timid, feared), np.nonzero(pairs), strict=True))
     first = np.zeros(len(scene.ids) + 1, np.int64)
     np.cumsum(np.bincount(observer, minlength=len(scene.ids)), out=first[1:])
     return first, scene.xyz[who] - scene.xyz[observer]

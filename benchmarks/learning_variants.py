@@ -2,12 +2,12 @@
 
     python benchmarks/learning.py variants [--models band mill] [--full]
 
-A herd of another model is filmed once (``herd_film.py``).  The same pictures are encoded at three compressions
-(x264 at crf 18, 23 and 30) and cropped in four ways: a band is cut off at the left, right, top or bottom, beside the
-herd.  A brush is learned from the first half of each, and every brush is simulated from the second half of the clip at
-crf 23.  Two brushes agree in a measure if they differ by no more than the limit of the report, for the measures of the
-report in which the clip at crf 23 has a value (``flockbrush.learning.battery``).  ``seeds`` is the floor: the same clip
-learned with other random numbers.
+A herd of another model is filmed once (``benchmarks/herd_film.py``).  The same pictures are encoded at three
+compressions (x264 at crf 18, 23 and 30) and cropped in four ways: a band is cut off at the left, right, top or bottom,
+beside the herd.  A brush is learned from the first half of each, and every brush is simulated from the second half of
+the clip at crf 23.  Two brushes agree in a measure if they differ by no more than the limit of the report, for the
+measures of the report in which the clip at crf 23 has a value (``flockbrush.learning.battery``).  ``seeds`` is the
+floor: the same clip learned with other random numbers.
 """
 
 from __future__ import annotations

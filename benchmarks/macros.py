@@ -1,14 +1,17 @@
-"""Measure the effect of the slider "order" on herds: ``python benchmarks/macros.py [BRUSH ...] [--search]``.
+"""Measure the effect of the slider "order" on herds: ``python benchmarks/macros.py [BRUSH ...]``.
 
-Herds with random headings run on an endless plane with the slider at 0, 1/4, 1/2, 3/4 and 1, side by side in one world
-for each seed.  The value of a run is the mean over its last part.  A measure moves by the difference of its largest
-and smallest mean, in standard deviations between seeds (pooled over the five positions, and at least `LEAST` of the
-measure).  The goal is that polarization moves three times as far as any other measure.
+Herds run on an endless plane with the slider at 0, 1/4, 1/2, 3/4 and 1, many of each, apart in one world.  They start
+as `bands.json` says of the brush; other brushes start with one heading (`ALIGNED`) or random headings.  The value
+of a run is the mean over its last part.  A measure moves by the difference between the positions at which it is largest
+and smallest, in standard deviations between seeds (pooled over the five positions, and at least `LEAST` of the
+measure).  The two positions for a seed are chosen by the other seeds, so that a measure that does not move moves by 0
+on average.  The goal is that polarization moves three times as far as any other measure; resampled seeds give the
+interval of this ratio.
 
-``--search`` looks for ranges of a brush with smaller herds and separate seeds.  It compares them with the general rule
-on other seeds and takes the better one (it keeps the general rule if that does well), measures the slider on new seeds
-and writes the result to the table of the sliders.  ``--ranges alignment_weight=0:0.59 avoidance_weight=0.84:0.73``
-tries these ranges instead of a search; ``--general`` writes the result of the general rule.
+``--ranges alignment_weight=0:1 wander=2.5:0`` gives a brush ranges of its own.  They are compared with those that it
+has and with the general ones on other seeds; the best are measured on new seeds and written to the table of the
+sliders.
+``--general`` writes the result of the general ranges, ``--write`` that of the present ones.
 
 ``--effects`` prints, for the other sliders of every brush, the measure that each is named after at both ends.
 """
@@ -18,196 +21,191 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.sliders import Range
 from flockbrush.components import Heading, Position, Velocity
 from flockbrush.levels.build import herds_apart
-from flockbrush.systems.measures import herd_measures
+from flockbrush.systems.measures import compute_nnd, herd_measures
 
-from flockbrush.learning.evolution import Evolution
-from flockbrush.studio.panels.knobs import knobs_of
-from flockbrush.studio.panels.macros import GOAL, TABLE, Macro, macros_of, ranges_by_brush
+from flockbrush.studio.panels.macros import TABLE, macros_of, ranges_by_brush
+
+sys.path.insert(0, str(Path(__file__).parent.parent))  # the repository, when run as a program
+from benchmarks.brush_bands import stated
 
 PLACES = (0.0, 0.25, 0.5, 0.75, 1.0)
 MEASURES = ("polarization", "milling", "nnd", "group_spread", "largest_part", "speed_mean")
-DENSITY, RATE = 0.6, 32
-FRESH, TRAINING, CHOICE = 9001, 1, 5001  # first seeds: of the table, of the search, of the choice
-SECONDS, SETTLED = 20, 12  # s of a run, and of its unmeasured start
+RATE = 32
+SCENE = {"start": "scatter", "density": 0.6, "heading": None}  # of brushes without bands
+ALIGNED = ("boids-herd", "bolt", "cranes", "evacuate", "falcon", "falcon-hunt", "geese", "lion-rush", "merino-run",
+           "pelicans", "skein", "sparrows", "starlings", "to-goal", "wolf-hunt")  # these: one heading  # fmt: skip
+FRESH, CHOICE = 9001, 5001  # first seeds: of the table, of the choice between ranges
+SECONDS, SETTLED = 16, 10  # s of a run, and of its unmeasured start
 LEAST = 0.005  # of the largest value
-GENERATIONS, CANDIDATES, SMALL = 10, 8, 25  # of the search; animals of its herds
+RESAMPLED, INTERVAL = 400, (5, 95)  # times that seeds are drawn again, and percentiles of the ratio
 ENOUGH = 0.5  # polarization that a slider should move at least
 EFFECTS = {  # the measure that a slider is named after, and whether it grows (1) or shrinks (-1) along it
     "tightness": ("nnd", -1), "personal space": ("nnd", 1), "wander": ("turning", 1), "pace": ("speed_mean", 1),
+    "sweep": ("aspect_ratio", -1),
 }  # fmt: skip
-COMPENSATED = {  # parameters that may move with the first one: {model: {name: share of the range it has left}}
-    "herd": {
-        "avoidance_weight": 0.6, "cohesion_weight": 0.6, "avoidance_radial": 0.5, "alignment_radial": 0.5,
-        "wander": 0.5,
-    },
-    "boids": {
-        "matching_time": 0.6, "centring_strength": 0.6, "separation_strength": 0.6, "separation": 0.2,
-    },
-}  # fmt: skip
+IN_FORMATION = {"wander": ("shuffling", 1), "order": ("unevenness", -1)}  # of models that fly in formation
+SKEIN, FLIGHT, FORMED = 12, 90, 60  # birds of these, s of a run, and until a formation stands
+FORMATIONS = ("line_formation", "v_rules")  # models in which order is not that of headings
 
 
 def with_slider(name):
-    """Return the names of the shipped brushes whose model has this slider."""
-    library = shipped()
-    return [one for one in library.names() if name in library.get(one).params.sliders]
+    """Return the names of the shipped brushes that have this slider and do not fly in formation."""
+    brushes = [shipped().get(one) for one in shipped().names()]
+    return [one.name for one in brushes if name in one.params.sliders and one.model not in FORMATIONS]
 
 
-def runs_of(brushes, animals, seed, seconds=SECONDS, settled=SETTLED, measures=MEASURES):
-    """Return means (brushes, measures) over the last part of a run, with separate herds of the brushes.
+def scene_of(name):
+    """Return how herds of a brush start: formation, density and heading."""
+    scene = stated().get(name, {}).get("scene", SCENE | ({"heading": 0.0} if name in ALIGNED else {}))
+    return {key: scene[key] for key in SCENE}
 
-    Besides the measures of herds there is ``turning``, the mean angle between headings one second apart, rad.
+
+def runs_of(brushes, animals, first, seeds, seconds=SECONDS, settled=SETTLED, measures=MEASURES):
+    """Return means (brushes, seeds, measures) over the last part of runs of variants of a brush.
+
+    All herds are in one world, apart; each has its own random numbers.
+
+    Besides the measures of herds there are those of `movements`.
     """
     named = [brush.model_copy(update={"name": f"place-{k}"}) for k, brush in enumerate(brushes)]
+    scene = scene_of(brushes[0].name)
     fastest, farthest = max(b.speed.mean for b in named), max(b.vision.range for b in named)
     length, seen = named[0].body.length, []
-    reach = 2.0 * (fastest * seconds + math.sqrt(animals / DENSITY)) + farthest
-    simulation = herds_apart(named, animals, DENSITY, "scatter", seed, apart=reach * length)
-    agents = simulation.agents
+    reach = 2.0 * (fastest * seconds + math.sqrt(animals / scene["density"])) + farthest
+    herds = [brush for brush in named for _ in range(seeds)]
+    simulation = herds_apart(herds, animals, seed=first, apart=reach * length, **scene)
     simulation.run(settled * RATE)
+    parts = [slice(k * animals, (k + 1) * animals) for k in range(len(herds))]
     for _ in range(seconds - settled):
-        before = agents[Heading.forward].copy()
-        simulation.run(RATE)
-        columns = [agents[one] for one in (Position.xyz, Velocity.xyz, Heading.forward)]
-        flies = bool(columns[0][:, 2].any())
-        parts = [[column[k * animals : (k + 1) * animals] for column in columns] for k in range(len(named))]
-        turned = np.arccos(np.clip((before * columns[2]).sum(axis=1), -1.0, 1.0)).reshape(len(named), animals)
+        moments = [_columns(simulation)]
+        for ticks in (RATE // 2, RATE // 4, RATE // 4):
+            simulation.run(ticks)
+            moments.append(_columns(simulation))
+        flies = bool(moments[-1][0][:, 2].any())
         told = [
-            herd_measures(*part, length, flies=flies) | {"turning": angles.mean()}
-            for part, angles in zip(parts, turned, strict=True)
+            herd_measures(*(column[part] for column in moments[-1]), length, flies=flies)
+            | movements([[column[part] for column in moment] for moment in moments], length)
+            for part in parts
         ]
         seen.append([[one[name] for name in measures] for one in told])
     simulation.close()
-    return np.mean(seen, axis=0)
+    return np.mean(seen, axis=0).reshape(len(named), seeds, len(measures))
+
+
+def _columns(simulation):
+    return [simulation.agents[one].copy() for one in (Position.xyz, Velocity.xyz, Heading.forward)]
+
+
+def movements(moments, length):
+    """Return what animals do within a herd, from positions, velocities and headings 1, 1/2, 1/4 and 0 s ago.
+
+    ``turning``: mean change of an animal's turn from one quarter of a second to the next, rad; on a circle 0.
+    ``shuffling``: mean movement within the herd in a second, body lengths.  ``unevenness``: standard deviation of the
+    distances to the nearest neighbour, divided by their mean.
+    """
+    headings = [np.arctan2(forward[:, 1], forward[:, 0]) for _, _, forward in moments[1:]]
+    turns = np.angle(np.exp(1j * np.diff(headings, axis=0)))
+    places = []
+    for xyz, _, forward in (moments[0], moments[-1]):
+        ahead = forward[:, :2].mean(axis=0)
+        across = xyz[:, :2] - xyz[:, :2].mean(axis=0)
+        places.append((across[:, 0] + 1j * across[:, 1]) * np.exp(-1j * np.arctan2(ahead[1], ahead[0])))
+    near = compute_nnd(moments[-1][0][:, :2])
+    return {
+        "turning": float(np.abs(np.angle(np.exp(1j * (turns[1] - turns[0])))).mean()),
+        "shuffling": float(np.abs(places[1] - places[0]).mean() / length),
+        "unevenness": float(near.std() / near.mean()),
+    }
 
 
 def course_of(brush, slider, animals, first, seeds):
     """Return the measures of a slider, (positions, seeds, measures)."""
-    turned = [slider.turned(brush, place) for place in PLACES]
-    return np.stack([runs_of(turned, animals, first + seed) for seed in range(seeds)], axis=1)
+    return runs_of([slider.turned(brush, place) for place in PLACES], animals, first, seeds)
 
 
-def deviations(values):
-    """Return deviations (measures,) pooled between seeds, from (..., seeds, measures)."""
-    pooled = np.sqrt(values.var(axis=-2, ddof=1).reshape(-1, values.shape[-1]).mean(axis=0))
+def deviations(values, times=None):
+    """Return deviations (measures,) pooled between seeds, from (positions, seeds, measures); seeds may count often."""
+    times = np.ones(values.shape[1]) if times is None else times
+    mean = np.average(values, axis=1, weights=times)[:, None]
+    pooled = np.sqrt((times[:, None] * (values - mean) ** 2).sum(axis=1).mean(axis=0) / (times.sum() - 1))
     return np.maximum(pooled, LEAST * np.abs(values).reshape(-1, values.shape[-1]).max(axis=0))
 
 
-def moved(values, deviation=None):
-    """Return how far each measure moves, in deviations, (measures,), from (positions, seeds, measures)."""
-    return np.ptp(values.mean(axis=1), axis=0) / (deviations(values) if deviation is None else deviation)
+def moved(values, deviation=None, times=None):
+    """Return how far each measure moves, in deviations, (measures,), from (positions, seeds, measures).
+
+    The other seeds choose the positions between which a seed is measured.
+    """
+    times = np.ones(values.shape[1]) if times is None else times
+    counted = times[:, None] * values
+    others = (counted.sum(axis=1, keepdims=True) - counted) / (times.sum() - times)[:, None]
+    ends = [np.take_along_axis(values, at[None], axis=0)[0] for at in (others.argmax(axis=0), others.argmin(axis=0))]
+    far = np.average(ends[0] - ends[1], axis=0, weights=times)
+    return np.maximum(far, 0.0) / (deviations(values, times) if deviation is None else deviation)
 
 
-def ratio(far):
-    """Return how far polarization moves, divided by the largest movement of another measure."""
-    return far[0] / max(far[1:].max(), 1e-9)
+def ratio(far, seeds):
+    """Return how far polarization moves, divided by the largest movement of another measure.
+
+    What moves by less than the standard error of a difference counts as this error.
+    """
+    return far[0] / max(far[1:].max(), math.sqrt(2.0 / seeds))
 
 
-class Ways:
-    """Ranges of a slider for one brush, as points of a cube; all of them contain the brush itself."""
-
-    def __init__(self, brush, slider):
-        self.brush, self.slider = brush, slider
-        self.first = slider.ranges[0]
-        known = {knob.name: knob for knob in knobs_of(brush)}
-        self.knob = known[self.first.name]
-        self.others = [(known[name], share) for name, share in COMPENSATED[brush.model].items()]
-        self.size = 2 + len(self.others)
-
-    def at(self, point):
-        """Return the slider at a point; None where its first parameter hardly moves."""
-        own, knob = self.knob.value(self.brush), self.knob
-        low, high = np.clip((np.asarray(point[:2]) - 0.3) / 0.7, 0.0, 1.0)  # a corner keeps the brush's value
-        low, high = own - low * (own - knob.low), own + high * (min(knob.high, 1.0) - own)
-        if high - low < 0.02:
-            return None
-        stands, ranges = (
-            (own - low) / (high - low),
-            [Range("params", self.first.name, round(float(low), 4), round(float(high), 4))],
-        )
-        for (other, share), along in zip(self.others, 2.0 * np.asarray(point[2:]) - 1.0, strict=True):
-            has = other.value(self.brush)
-            room = np.array([has - other.low, other.high - has])
-            before, after = room if along > 0 else room[::-1]
-            ends = [way / part for way, part in ((before, stands), (after, 1.0 - stands)) if part > 1e-6]
-            by = share * along * min([*ends, other.high - other.low])
-            if abs(by) > 0.02 * (other.high - other.low):
-                ends = (round(float(has + part * by), 4) for part in (-stands, 1.0 - stands))
-                ranges.append(Range(other.table, other.name, *ends))
-        return Macro(*self._words(), ranges=tuple(ranges))
-
-    def _words(self):
-        one = self.slider
-        return one.table, one.name, one.kind, one.unit, one.help
-
-
-def worth(values, deviation):
-    """Return the loss of a slider, from (positions, seeds, measures)."""
-    course = values[:, :, 0].mean(axis=1)
-    steady = np.minimum(np.diff(course), 0.0).sum()
-    return -(
-        math.log(min(max(ratio(moved(values, deviation)), 0.01), 8.0)) + min(np.ptp(course) / ENOUGH, 1.0) + steady
-    )
-
-
-def search(brush, slider, seeds):
-    """Return the best slider that the search found."""
-    ways, places = Ways(brush, slider), (0.0, 0.5, 1.0)
-    begin = np.full(ways.size, 0.5)
-    begin[:2] = 1.0, 0.6
-    hunt, spread = Evolution(begin, 0.25, CANDIDATES, (TRAINING,)), None
-    for generation in range(GENERATIONS):
-        asked = [ways.at(point) for point in hunt.ask()]
-        brushes = [one.turned(brush, place) for one in asked if one is not None for place in places]
-        first = TRAINING + seeds * generation
-        values = np.stack([runs_of(brushes, SMALL, first + seed, 14, 10) for seed in range(seeds)], axis=1)
-        values = values.reshape(-1, len(places), *values.shape[1:])
-        now = deviations(values)
-        spread, left = now if spread is None else 0.5 * (spread + now), iter(values)
-        hunt.tell([10.0 if one is None else worth(next(left), spread) for one in asked])
-    return ways.at(np.abs(np.mod(hunt.mean + 1.0, 2.0) - 1.0))
+def interval(values):
+    """Return the ends of the interval of the ratio, with seeds drawn again."""
+    seeds = values.shape[1]
+    rng = np.random.default_rng(0)
+    drawn = rng.multinomial(seeds, np.full(seeds, 1.0 / seeds), RESAMPLED).astype(float)
+    drawn = drawn[(drawn > 0).sum(axis=1) > 1]
+    return np.percentile([ratio(moved(values, times=times), seeds) for times in drawn], INTERVAL)
 
 
 def given(slider, texts):
-    """Return the slider with ranges given as ``name=low:high``; raises ValueError."""
+    """Return the slider with ranges given as ``name=low:high``, or ``name=low:high:times``; raises ValueError."""
     ranges = []
     for text in texts:
         name, _, ends = text.partition("=")
-        low, _, high = ends.partition(":")
-        ranges.append(Range("params", name, float(low), float(high)))
+        low, high, *times = ends.split(":")
+        ranges.append(Range("speed" if name == "mean" else "params", name, float(low), float(high), times == ["times"]))
     return replace(slider, ranges=tuple(ranges))
 
 
-def settle(brush, name, seeds, animals, texts=()):
-    """Search, then choose on other seeds between the result and the general rule: (slider, whether found)."""
-    general = next(one for one in macros_of(brush, {}) if one.name == name)
-    values = course_of(brush, general, animals, CHOICE, seeds)
-    if ratio(moved(values)) >= 1.5 * GOAL and not texts:
-        return general, False
-    found = given(general, texts) if texts else search(brush, general, 2)
-    if found is None:
-        return general, False
-    others = course_of(brush, found, animals, CHOICE, seeds)
-    better = worth(others, deviations(others)) < worth(values, deviations(values))
-    return (found, True) if better else (general, False)
+def settle(brush, name, seeds, animals, texts):
+    """Return the best of the general ranges, the present and the given ones, on other seeds."""
+    general, present = (next(one for one in macros_of(brush, *table) if one.name == name) for table in (({},), ()))
+    tried = list({one.ranges: one for one in (general, present, given(general, texts))}.values())
+    courses = [course_of(brush, one, animals, CHOICE, seeds) for one in tried]
+    worth = [(np.ptp(course[:, :, 0].mean(axis=1)) >= ENOUGH, ratio(moved(course), seeds)) for course in courses]
+    told = ", ".join(f"{by:.1f} with {' '.join(one.name for one in slider.ranges)}"
+                     for slider, (_, by) in zip(tried, worth, strict=True))  # fmt: skip
+    print(f"ratio on other seeds: {told}", file=sys.stderr, flush=True)
+    return tried[worth.index(max(worth))]
 
 
-def keep(name, brush, slider, own, values, far):
+def keep(name, brush, slider, values):
     """Write a slider and its measurements to the table of the sliders."""
     ranges_by_brush.cache_clear()  # another search may have written meanwhile
-    table = ranges_by_brush()
+    table, far = ranges_by_brush(), moved(values)
+    seeds = values.shape[1]
     entry = {
         "polarization": [round(float(one), 2) for one in values[:, :, 0].mean(axis=1)],
+        "milling": [round(float(one), 2) for one in values[:, :, 1].mean(axis=1)],
         "moves": {one: round(float(by), 1) for one, by in zip(MEASURES, far, strict=True)},
+        "ratio": [round(float(one), 1) for one in (ratio(far, seeds), *interval(values))],
     }
-    if own:
-        entry["ranges"] = [[part.table, part.name, part.low, part.high] for part in slider.ranges]
+    general = next(one for one in macros_of(brush, {}) if one.name == name)
+    if slider.ranges != general.ranges:
+        entry["ranges"] = [[*part[:4], *([True] if part.times else [])] for part in slider.ranges]
     table.setdefault(name, {})[brush.name] = entry
     text = ",\n".join(
         f'  "{one}": {{\n' + ",\n".join(f'    "{b}": {json.dumps(table[one][b])}' for b in sorted(table[one])) + "\n  }"
@@ -219,35 +217,39 @@ def keep(name, brush, slider, own, values, far):
 
 def effects(brushes, animals, seeds):
     """Print what sliders do to the measures that they are named after."""
-    print("| brush | slider | measure | at 0 | at 1 | moves, deviations between seeds | as named |")
-    print("|---|---|---|---|---|---|---|")
+    print("| brush | slider | measure | at 0 | own | at 1 | moves, deviations between seeds | as named |")
+    print("|---|---|---|---|---|---|---|---|")
     for name in brushes:
         brush = shipped().get(name)
-        for slider in macros_of(brush):
-            if slider.name not in EFFECTS:
-                continue
-            measure, sign = EFFECTS[slider.name]
-            ends = [slider.turned(brush, place) for place in (0.0, 1.0)]
-            values = np.stack(
-                [runs_of(ends, animals, FRESH + seed, measures=(measure,)) for seed in range(seeds)], axis=1
+        named, birds, times = EFFECTS, animals, (SECONDS, SETTLED)
+        if brush.model in FORMATIONS:
+            named, birds, times = EFFECTS | IN_FORMATION, SKEIN, (FLIGHT, FORMED)
+        sliders = [one for one in macros_of(brush) if one.name in named]
+        ends = [brush, *(slider.turned(brush, place) for slider in sliders for place in (0.0, 1.0))]
+        wanted = tuple(dict.fromkeys(measure for measure, _ in named.values()))
+        values = runs_of(ends, birds, FRESH, seeds, *times, measures=wanted)
+        for k, slider in enumerate(sliders):
+            measure, sign = named[slider.name]
+            column = wanted.index(measure)
+            found = values[1 + 2 * k : 3 + 2 * k, :, column : column + 1]
+            own, (low, high), by = values[0, :, column].mean(), found.mean(axis=(1, 2)), float(moved(found)[0])
+            words = "hardly acts" if by < 2.0 else "yes" if sign * (high - low) > 0 else "the other way"
+            print(
+                f"| {name} | {slider.name} | {measure} | {low:.3g} | {own:.3g} | {high:.3g} | {by:.1f} | {words} |",
+                flush=True,
             )
-            (low, high), by = values.mean(axis=(1, 2)), float(moved(values)[0])
-            named = "hardly acts" if by < 2.0 else "yes" if sign * (high - low) > 0 else "the other way"
-            print(f"| {name} | {slider.name} | {measure} | {low:.2f} | {high:.2f} | {by:.1f} | {named} |", flush=True)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("brushes", nargs="*", metavar="BRUSH", help="default: all brushes that have the slider")
     parser.add_argument("--slider", default="order")
-    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--seeds", type=int, default=16)
     parser.add_argument("--animals", type=int, default=50)
-    parser.add_argument("--search", action="store_true", help="find ranges and write the slider table")
     parser.add_argument("--general", action="store_true", help="write the result of the general rule")
+    parser.add_argument("--write", action="store_true", help="write the result of the present ranges")
     parser.add_argument("--effects", action="store_true", help="print the effects of the other sliders")
-    parser.add_argument(
-        "--ranges", nargs="+", default=[], metavar="NAME=LOW:HIGH", help="try these ranges, for one brush"
-    )
+    parser.add_argument("--ranges", nargs="+", default=[], metavar="NAME=LOW:HIGH[:times]", help="of one brush")
     told = parser.parse_args()
     if told.effects:
         return effects(told.brushes or shipped().names(), told.animals, told.seeds)
@@ -261,20 +263,17 @@ def main():
     print("|---" * (len(MEASURES) + 4) + "|")
     for name in told.brushes or known:
         brush = shipped().get(name)
-        own = False
-        if told.general:
-            slider = next(one for one in macros_of(brush, {}) if one.name == told.slider)
-        elif told.search or told.ranges:
-            slider, own = settle(brush, told.slider, told.seeds, told.animals, told.ranges)
+        if told.ranges:
+            slider = settle(brush, told.slider, told.seeds, told.animals, told.ranges)
         else:
-            slider = next(one for one in macros_of(brush) if one.name == told.slider)
+            slider = next(one for one in macros_of(brush, *([{}] if told.general else [])) if one.name == told.slider)
         values = course_of(brush, slider, told.animals, FRESH, told.seeds)
-        far = moved(values)
-        if told.search or told.ranges or told.general:
-            keep(told.slider, brush, slider, own, values, far)
+        if told.ranges or told.general or told.write:
+            keep(told.slider, brush, slider, values)
+        far, ends = moved(values), interval(values)
         course = ", ".join(f"{value:.2f}" for value in values[:, :, 0].mean(axis=1))
         print(f"| {name} | {slider.value(brush):.2f} | {course} | {' | '.join(f'{one:.1f}' for one in far)} | "
-              f"{ratio(far):.1f}{'' if ratio(far) >= GOAL else ', below the goal'} |", flush=True)  # fmt: skip
+              f"{ratio(far, told.seeds):.1f} ({ends[0]:.1f} to {ends[1]:.1f}) |", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":

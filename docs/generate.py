@@ -1,7 +1,7 @@
 """Rewrite the parts of the documentation that are generated from the code: ``python docs/generate.py``.
 
-The JSON schemas in ``docs/schemas``, and the tables in ``docs/models.md`` (parameters), ``docs/brushes.md`` (sliders)
-and ``docs/species.md`` (numbers of a species).
+The JSON schemas in ``docs/schemas``, and the tables in ``docs/models.md`` (parameters), ``docs/brushes.md`` (sliders,
+and what "order" was measured to do) and ``docs/species.md`` (numbers of a species).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from flockbrush.behaviours.spec import Spec
 from flockbrush.behaviours.species import SpeciesSpec
 
 DOCS = Path(__file__).parent
+MILLS, ORDERED = 0.5, 0.9  # milling of a herd that rotates, polarization of one with a common heading
 
 
 def schema_texts() -> dict[Path, str]:
@@ -96,6 +97,28 @@ def species_table() -> str:
     return "\n".join(rows)
 
 
+def order_table() -> str:
+    """What was measured of the slider order, by brush, as a Markdown table below a marker."""
+    from flockbrush.studio.panels.macros import GOAL, ranges_by_brush
+
+    measured = ranges_by_brush()["order"]
+    moved = ("milling", "nnd", "group_spread", "largest_part", "speed_mean")
+    rows = [
+        "<!-- order -->\n| brush | ranges | polarization at 0, 1/4, 1/2, 3/4, 1 | polarization | "
+        f"{' | '.join(moved)} | ratio | goal |",
+        "|---" * (len(moved) + 6) + "|",
+    ]
+    for name, entry in measured.items():
+        best, low, high = entry["ratio"]
+        mills, ordered = max(entry["milling"]) >= MILLS, min(entry["polarization"]) >= ORDERED
+        goal = "mills" if mills else "always ordered" if ordered else "yes" if best >= GOAL else "no"
+        moves = " | ".join(f"{entry['moves'][one]:.1f}" for one in ("polarization", *moved))
+        course = ", ".join(f"{value:.2f}" for value in entry["polarization"])
+        ranges = "own" if "ranges" in entry else "general"
+        rows.append(f"| {name} | {ranges} | {course} | {moves} | {best:.1f} ({low:.1f} to {high:.1f}) | {goal} |")
+    return "\n".join(rows)
+
+
 def with_table(text: str, table: str) -> str:
     """A page with one of its tables as it is now; the marker is the table's first line."""
     before, marker, after = text.partition(table.split("\n")[0])
@@ -105,12 +128,13 @@ def with_table(text: str, table: str) -> str:
 def texts() -> dict[Path, str]:
     """Return the text of every generated file."""
     page = DOCS / "models.md"
-    tables = {DOCS / "brushes.md": slider_table(), DOCS / "species.md": species_table()}
-    return (
-        schema_texts()
-        | {page: models_page(page.read_text(encoding="utf-8"))}
-        | {path: with_table(path.read_text(encoding="utf-8"), table) for path, table in tables.items()}
-    )
+    out = schema_texts() | {page: models_page(page.read_text(encoding="utf-8"))}
+    for name, tables in (("brushes.md", (slider_table(), order_table())), ("species.md", (species_table(),))):
+        text = (DOCS / name).read_text(encoding="utf-8")
+        for table in tables:
+            text = with_table(text, table)
+        out[DOCS / name] = text
+    return out
 
 
 if __name__ == "__main__":

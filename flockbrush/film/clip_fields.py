@@ -105,7 +105,8 @@ class Collector:
         with np.errstate(invalid="ignore", divide="ignore"):
             density = np.where(share > 0, density / np.maximum(share, 1.0 / SUB**2), np.nan)
         moved = self._moved(to_first, seconds, slow, *(flow or (np.empty((0, 2)), np.empty((0, 2)))))
-        row = {"density": density, "seen": share >= SEEN, "count": count, "frames": number, **moved}
+        edge = self._at_edge(mask, to_first)
+        row = {"density": density, "seen": share >= SEEN, "count": count, "frames": number, "at_edge": edge, **moved}
         for name, value in row.items():
             self.rows.setdefault(name, []).append(value)
 
@@ -119,6 +120,13 @@ class Collector:
         zoom = abs(np.linalg.det(to_first[:, :2]))
         animals = np.bincount(cells[cells >= 0], minlength=ny * nx).reshape(ny, nx) * zoom / self.body_pixels
         return animals / self.grid.cell**2, float(len(x) * zoom / self.body_pixels)
+
+    def _at_edge(self, mask, to_first):
+        """Share of a mask that is within half a body length of the picture's edge."""
+        to_bl = self.grid.to_bl[:, :2] @ to_first[:, :2]
+        rim = max(1, round(0.5 / np.sqrt(abs(np.linalg.det(to_bl)))))
+        whole = cv2.countNonZero(mask)
+        return 1.0 - cv2.countNonZero(np.ascontiguousarray(mask[rim:-rim, rim:-rim])) / whole if whole else 0.0
 
     def _share(self, to_first):
         """How much of each cell is in the picture, (ny, nx)."""

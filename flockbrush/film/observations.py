@@ -25,6 +25,9 @@ class CannotObserve(ProblemsError):
         self.seen = dict(seen or {})  # measured facts by name; under "pictures", BGR pictures by title
 
 
+AT_EDGE = 0.01  # share of the animals at the edge of the picture, above which it is thought to show a part of a herd
+
+
 @dataclass
 class Fields:
     """The herd as a continuum: T frames of ny x nx square cells (paper section 4)."""
@@ -51,6 +54,9 @@ class Fields:
     # (k, 5) or None; edges of the obstacles, x0, y0, x1, y1 in BL, and the number of the obstacle; edges of one follow
     # one another. None: the outline of the cells.
     outline: np.ndarray | None = None
+    # (T,) or None; share of what shows animals that is within half a body length of the edge of the picture.  None:
+    # nobody knows, and cells at the edge say it.
+    at_edge: np.ndarray | None = None
 
     def __post_init__(self):
         if self.speed is None:
@@ -75,6 +81,8 @@ class Fields:
         }
         if self.outline is not None:
             shapes["outline"] = (len(self.outline), 5)
+        if self.at_edge is not None:
+            shapes["at_edge"] = cells[:1]
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
                 yield f"{name} has shape {np.shape(getattr(self, name))}, density asks for {shape}"
@@ -111,12 +119,14 @@ class Fields:
     @cached_property
     def holds_all(self) -> bool:
         """Whether no animal is at the border of the picture, so that the picture holds the whole herd."""
+        if self.at_edge is not None:
+            return bool(self.at_edge @ self.count <= AT_EDGE * max(self.count.sum(), 1e-12))
         density, seen = np.nan_to_num(self.density), self.seen
         inner = np.zeros_like(seen)
         inner[:, 1:-1, 1:-1] = (
             seen[:, 1:-1, 1:-1] & seen[:, :-2, 1:-1] & seen[:, 2:, 1:-1] & seen[:, 1:-1, :-2] & seen[:, 1:-1, 2:]
         )
-        return bool((density * (seen & ~inner)).sum() <= 0.01 * max(density.sum(), 1e-12))
+        return bool((density * (seen & ~inner)).sum() <= AT_EDGE * max(density.sum(), 1e-12))
 
     def cells_of(self, xy):
         """(row, column, inside) of points (n, 2) BL; those outside are clipped to the border and not ``inside``."""
@@ -128,7 +138,8 @@ class Fields:
 
     def part(self, chosen) -> Fields:
         """A subset of the frames: a slice."""
-        return replace(self, **{name: getattr(self, name)[chosen] for name in (*_GRIDS, "velocity", "count", "frames")})
+        rows = (*_GRIDS, "velocity", "count", "frames", *([] if self.at_edge is None else ["at_edge"]))
+        return replace(self, **{name: getattr(self, name)[chosen] for name in rows})
 
     def scaled(self, by: float) -> Fields:
         """The same in a unit of length that is so many times shorter."""

@@ -45,7 +45,9 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
     target, told = angular_variance(photo)
     fields = photo.fields
     again: dict[str, Any] = {
-        name: np.repeat(getattr(fields, name), frames, axis=0) for name in ("density", "seen", "count")
+        name: np.repeat(getattr(fields, name), frames, axis=0)
+        for name in ("density", "seen", "count", "at_edge")
+        if getattr(fields, name) is not None
     }
     unknown = np.full(again["density"].shape, np.nan)
     long = replace(

@@ -27,6 +27,7 @@ from flockbrush.behaviours.behaviour import ByRow, Parameters, frozen, read_only
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel, wander_kernel
 from flockbrush.engine.noise import Noise
+from flockbrush.film.observations import AT_EDGE
 from flockbrush.learning.perceive import NO_OWNER, cosine_of, half_and_radius, leader_rule, walls_in_sight
 from flockbrush.learning.world_rollout import between, needs_world, world_looks
 from flockbrush.systems.contact import move
@@ -163,7 +164,8 @@ class Gates:
         density, entry = np.nan_to_num(fields.density), []
         rims = [seen & ~ndimage.binary_erosion(seen) for seen in fields.seen]
         crowd = np.array([d[rim].sum() for d, rim in zip(density, rims, strict=True)]) * fields.cell**2
-        leaving = bool((crowd > 0.01 * np.maximum(fields.count, 1)).any())
+        at_edge = crowd / np.maximum(fields.count, 1) if fields.at_edge is None else fields.at_edge
+        leaving = bool((at_edge > AT_EDGE).any())
         if not leaving:
             return None
         for t, rim in enumerate(rims):

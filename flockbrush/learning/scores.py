@@ -361,8 +361,8 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
         out["directions"] = float(np.nan_to_num(min(abs(lie - target.directions) / LYING, FARTHEST), nan=FARTHEST))
     if np.isfinite(target.spacing).all():
         looks = [view.xy[view.of(t)] for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
-        off = np.abs(np.log(np.maximum(spacings(looks), 1e-3) / np.maximum(target.spacing, 1e-3)))
-        out["spacing"] = float(np.nan_to_num(min(off.mean() / SPACING, FARTHEST), nan=FARTHEST))
+        off = np.log(np.maximum(spacings(looks), 1e-3) / np.maximum(target.spacing, 1e-3))
+        out["spacing"] = float(np.nan_to_num(min(np.sqrt(np.mean(off**2)) / SPACING, FARTHEST), nan=FARTHEST))
     around, theirs = neighbour_map(view, every=max(4, len(run) // LOOKS)), target.map
     if not target.headed:  # then only how far neighbours are is known, and not where
         around, theirs = around.mean(1, keepdims=True), theirs.mean(1, keepdims=True)

@@ -7,6 +7,7 @@ import numpy as np
 from flockbrush.components import FormationPlace, Heading, Position, Velocity
 from flockbrush.render import write_png
 from flockbrush.render.canvas import Canvas
+from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.picture_files import Video
 from flockbrush.render.style import mix, rgb, theme_of
 from flockbrush.runs.power_savings import savings_of, wingspans_of
@@ -110,6 +111,9 @@ def _frame(canvas, simulation, camera, dt, look):
         skin = mix(SAVED[1], SAVED[0], float(np.clip(saved[i] / FULL, 0, 1))) if flying[i] else look.muted
         _bird(canvas, shade, forward[i], 0.85 * wing, beat, flying[i], look.shadow, None, 0.16)
         _bird(canvas, at, forward[i], wing, beat, flying[i], look.leader if place[i] == 0 else skin, look.outline, 1.0)
+    metres = nice(60 / camera.scale)
+    bar = f"{metres:g} m; birds {LARGER:g} times as large"
+    canvas.scale_bar((SIZE[0] - 12, 30 + GROUND - 14), metres * camera.scale, bar, look)
     _bars(canvas, agents, saved, flying, look)
     phase = "on the ground" if not flying.any() else "in the air"
     top = xyz[:, 2].max()
@@ -164,7 +168,8 @@ def _bars(canvas, agents, saved, flying, look):
     """Draw bars of the power saved by each bird, from left to right."""
     top = 30 + GROUND
     canvas.area([(0, top), (SIZE[0], top), SIZE, (0, SIZE[1])], look.paper)
-    canvas.words("power saved by each bird, from left to right", (12, top + 12), 14, look.muted, anchor=(0, 0.5))
+    title = "power saved by each bird (sum of g, dimensionless), from left to right"
+    canvas.words(title, (12, top + 12), 14, look.muted, anchor=(0, 0.5))
     birds = np.flatnonzero(flying)
     if not len(birds):
         return
@@ -172,6 +177,10 @@ def _bars(canvas, agents, saved, flying, look):
     aside = agents[Position.xyz][birds, 0] * track[:, 1] - agents[Position.xyz][birds, 1] * track[:, 0]
     wide = min(40.0, (SIZE[0] - 40) / len(birds))
     left = SIZE[0] / 2 - wide * len(birds) / 2
+    for value in (0.0, FULL):
+        y = SIZE[1] - 6 - (BARS - 34) * value / (1.3 * FULL)
+        canvas.line([(left, y), (left + wide * len(birds), y)], 1, look.muted, 0.5, dash=(4, 4))
+        canvas.words(f"{value:g}", (left - 6, y), 12, look.muted, anchor=(1, 0.5))
     for k, i in enumerate(birds[np.argsort(aside, kind="stable")]):
         tall = (BARS - 34) * min(saved[i] / (1.3 * FULL), 1.0)
         x = left + k * wide

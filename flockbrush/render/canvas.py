@@ -102,6 +102,17 @@ class Canvas:
         self._paste(mask, left, top, colour, alpha)
         return wide
 
+    def scale_bar(self, end, pixels, text, theme, room=np.inf, up=0):
+        """Draw a bar of so many pixels and its text, which ends at a point; higher up where it needs more room."""
+        (x, y), wide = end, texts.width_of(text, 13)
+        if wide + 8 + pixels > room:
+            y -= up
+        self.words(text, (x, y), 13, theme.muted, anchor=(1, 0.5))
+        right = x - wide - 8
+        left = right - pixels
+        ends = [[left, y, right, y], [left, y - 4, left, y + 4], [right, y - 4, right, y + 4]]
+        self.segments(ends, 1.6, theme.ink, 0.9)
+
     def _paste(self, mask, left, top, colour, alpha):
         box = self.box((left, top), (left + mask.shape[1], top + mask.shape[0]))
         if box is None:

@@ -67,11 +67,6 @@ class Trial:
     seconds: float = 20.0
     begin: Literal["random", "aligned", "mill"] = "random"
 
-    @property
-    def dwell(self):
-        """s at each point of a sweep; the second half is measured."""
-        return self.seconds / 5
-
 
 class Branches(NamedTuple):
     """What herds do that are swept along a way, and on their way back, by point of the way."""
@@ -174,32 +169,40 @@ def measures_of(simulation, first=0, count=None):
 
 
 def sweep(at, points, trial, seed) -> Branches:
-    """Herds from the first point to the last and back, as many as seeds, side by side in one world."""
+    """Herds from the first point to the last and back, as many as seeds, side by side in one world.
+
+    They are at each point as long as fresh herds, and measured in the same part of that time: what differs then does
+    not do so because herds had less time.
+    """
     order = [*range(len(points)), *reversed(range(len(points)))]
-    simulation = _herds([at(point) for point in points], trial, seed, len(order) + 2, trial.seeds)
+    simulation = _herds([at(point) for point in points], trial, seed, len(order), trial.seeds)
     world, found = simulation.world, []
     palette, agents = world.resource(Palette), simulation.agents
     for k, point in enumerate(order):
         brush = at(points[point]).model_copy(update={"name": f"swept-{k % 2}"})
         agents[BrushBinding.home][:] = palette.add(brush)
         world.resource(Landscape).see_to(float(palette.view_range.max() * brush.body.length))
-        simulation.run(round((2.5 if k == 0 else 0.5) * trial.dwell * RATE))
-        moments = []
-        for _ in range(max(1, round(trial.dwell))):
-            simulation.run(RATE // 2)
-            moments.append([measures_of(simulation, i * trial.animals, trial.animals) for i in range(trial.seeds)])
-        found.append(np.mean(moments, axis=0))
+        found.append(_last_part(simulation, trial, trial.seeds))
     simulation.close()
     n = len(points)
     return Branches(*(_over_seeds(np.swapaxes(way, 0, 1)) for way in (found[:n], found[n:][::-1])))
 
 
-def _herds(brushes, trial, seed, dwells=0, copies=0):
+def _last_part(simulation, trial, herds):
+    """What herds do after the time in which they settle, (herds, 2)."""
+    simulation.run(round(SETTLED * trial.seconds * RATE))
+    moments = []
+    for _ in range(max(1, round(2 * (1.0 - SETTLED) * trial.seconds))):
+        simulation.run(RATE // 2)
+        moments.append([measures_of(simulation, k * trial.animals, trial.animals) for k in range(herds)])
+    return np.mean(moments, axis=0)
+
+
+def _herds(brushes, trial, seed, dwells=1, copies=0):
     """Herds that begin as the trial says, too far apart to meet: of each brush one, or so many of the first."""
     length = brushes[0].body.length
     fastest, farthest = max(b.speed.mean for b in brushes), max(b.vision.range for b in brushes)
-    seconds = trial.dwell * dwells if dwells else trial.seconds
-    reach = 2.0 * (fastest * seconds + math.sqrt(trial.animals / DENSITY)) + farthest
+    reach = 2.0 * (fastest * trial.seconds * dwells + math.sqrt(trial.animals / DENSITY)) + farthest
     formation, heading = BEGINNINGS[trial.begin]
     herds = [brushes[0].model_copy(update={"name": f"herd-{k}"}) for k in range(copies)] or brushes
     return herds_apart(herds, trial.animals, DENSITY, formation, seed, heading, apart=reach * length)
@@ -283,13 +286,9 @@ def _over_seeds(found) -> Measured:
 def _run(brushes, trial, seed):
     """What a herd of each brush does, (brushes, 2)."""
     simulation = _herds(brushes, trial, seed)
-    simulation.run(round(SETTLED * trial.seconds * RATE))
-    moments = []
-    for _ in range(max(1, round(2 * (1.0 - SETTLED) * trial.seconds))):
-        simulation.run(RATE // 2)
-        moments.append([measures_of(simulation, k * trial.animals, trial.animals) for k in range(len(brushes))])
+    means = _last_part(simulation, trial, len(brushes))
     simulation.close()
-    return np.mean(moments, axis=0)
+    return means
 
 
 def goes_back(found: Measured) -> np.ndarray:

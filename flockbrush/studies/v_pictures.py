@@ -20,7 +20,7 @@ from flockbrush.render import write_png
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.style import PALETTE, rgb, theme_of
-from flockbrush.render.text import shortened, width_of
+from flockbrush.render.text import shortened
 from flockbrush.studies.flock_parameters import FlockParameters
 
 CELL = 430, 330  # pixels of one formation
@@ -88,20 +88,10 @@ def _formation(canvas, corner, sample, box, look):
         canvas.line([centre - (wing, 0), centre + (wing, 0)], max(1.2, 0.06 * scale), colour)
         canvas.disc(centre, max(1.8, 0.13 * scale), colour)
     used = canvas.words(sample.title, (left + 10, top + CELL[1] - FOOT / 2), 15, look.ink, anchor=(0, 0.5))
-    _scale_bar(canvas, (left + CELL[0] - 10, top + CELL[1] - FOOT / 2), scale, CELL[0] - used - 40, look)
-
-
-def _scale_bar(canvas, end, scale, room, look):
-    """A bar of so many wingspans that ends here, in so many pixels."""
     spans = nice(60 / scale)
     words = f"{spans:g} wingspan" + ("s" if spans != 1 else "")
-    (x, y), wide = end, width_of(words, 13)
-    if wide + 8 + spans * scale > room:
-        y -= FOOT  # above a long title
-    canvas.words(words, (x, y), 13, look.muted, anchor=(1, 0.5))
-    right = x - wide - 8
-    left = right - spans * scale
-    canvas.segments([[left, y, right, y], [left, y - 4, left, y + 4], [right, y - 4, right, y + 4]], 1.6, look.ink, 0.9)
+    end = left + CELL[0] - 10, top + CELL[1] - FOOT / 2
+    canvas.scale_bar(end, spans * scale, words, look, CELL[0] - used - 40, FOOT)
 
 
 # of a sweep ----------------------------------------------------------------------------------

@@ -30,7 +30,11 @@ class FormRow(NamedTuple):
 
 
 def rows_of(command, kind="") -> list[FormRow]:
-    """The rows of a command; `kind` is the level class whose units and meanings hold, such as "Goal"."""
+    """The rows of a command; `kind` is the level class whose units and meanings hold, such as "Goal".
+
+    The tip of a row that no class describes is the description of the command, which names units.
+    """
+    about = " ".join((type(command).__doc__ or "").replace("``", "").split())
     schema = CLASSES.get(kind)
     place = {"x", "y"} if kind else set()
     rows = []
@@ -41,7 +45,7 @@ def rows_of(command, kind="") -> list[FormRow]:
         value = getattr(command, field.name)
         unit = "degrees" if field.name == "heading" else told.unit if told else ""
         label = field.name.replace("_", " ") + (f", {unit}" if unit else "")
-        rows.append(FormRow(field.name, label, _shown(field.name, value), told.meaning if told else ""))
+        rows.append(FormRow(field.name, label, _shown(field.name, value), told.meaning if told else about))
     return rows
 
 

@@ -1,8 +1,10 @@
 """Hunters and their prey."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.behaviours.behaviour import Kinds, _all_dangers, behaviours
 from flockbrush.behaviours.models.herd import Params
 from small_herd import brush, forward_of, meadow, put, xy_of
 from small_scenes import HERD, frozen, rows_, scene, steer
@@ -125,3 +127,15 @@ def speed_of(simulation, entities):
 def distance_to_herd(simulation, entity, herd):
     xy = xy_of(simulation)
     return np.hypot(*(xy[rows_of(simulation, herd)] - xy[simulation.agents.row(entity)]).T).min()
+
+
+def test_without_lists_of_dangers_each_fears_all_that_its_kind_fears():
+    rng = np.random.default_rng(5)
+    xyz, kind = rng.normal(size=(30, 3)), rng.integers(0, 4, 30)
+    fears = np.zeros((4, 4), bool)
+    fears[0, 2] = fears[1, 2] = fears[1, 1] = True
+    scene = SimpleNamespace(ids=np.arange(30), xyz=xyz, relations=Kinds(kind, fears, ~fears))
+    first, offset = _all_dangers(scene)
+    for i in range(30):
+        feared = [xyz[j] - xyz[i] for j in range(30) if j != i and fears[kind[i], kind[j]]]
+        np.testing.assert_array_equal(offset[first[i] : first[i + 1]], np.reshape(feared, (-1, 3)))

@@ -12,6 +12,7 @@ from flockbrush.behaviours.models.line_formation import places as places_of
 
 from flockbrush.cli.main import called
 from flockbrush.lifting.flight_table import read_flight
+from flockbrush.render.canvas import Canvas
 from flockbrush.runs.power_savings import savings
 
 
@@ -99,10 +100,13 @@ def test_the_table_of_initiation(tmp_path, capsys):
     assert out.read_text().startswith("rules,shape,birds,runs,converged")
 
 
-def test_a_film_of_geese(tmp_path):
-    picture = tmp_path / "geese.png"
-    assert called(["formation", "film", "geese", "--seconds", "0.5", "-o", str(picture)]) == 0
+def test_a_film_of_geese_has_scale_and_units(tmp_path, monkeypatch):
+    picture, written, words = tmp_path / "geese.png", [], Canvas.words
+    monkeypatch.setattr(Canvas, "words", lambda self, text, *a, **k: written.append(text) or words(self, text, *a, **k))
+    assert called(["formation", "film", "geese", "--seconds", "6", "-o", str(picture)]) == 0
     assert cv2.imread(str(picture)).shape == (680, 1120, 3)
+    assert any(text.endswith("m; birds 1.5 times as large") for text in written)
+    assert any("sum of g" in text for text in written) and {"0", "0.35"} <= set(written)
 
 
 @pytest.mark.parametrize(

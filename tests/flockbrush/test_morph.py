@@ -163,6 +163,25 @@ def test_herds_are_measured_and_swept_the_same_again():
     assert there.mean[1, 0] > there.mean[0, 0]
 
 
+def test_swept_herds_stay_at_each_step_as_long_as_new_herds_run(monkeypatch):
+    made, ticks = morph_study.herds_apart, []
+
+    def counted(*arguments, **named):
+        simulation = made(*arguments, **named)
+        run = simulation.run
+        monkeypatch.setattr(simulation, "run", lambda count: (ticks.append(count), run(count)))
+        return simulation
+
+    monkeypatch.setattr(morph_study, "herds_apart", counted)
+    swarm, march = shipped().get("swarm"), shipped().get("march")
+    trial = Trial(animals=5, seeds=1, seconds=3.0)
+    measured(lambda along: brush_at(swarm, march, along), [0.0, 1.0], trial)
+    fresh = list(ticks)
+    ticks.clear()
+    sweep(lambda along: brush_at(swarm, march, along), [0.0, 1.0], trial, 1)
+    assert sum(fresh) == 3 * 32 and ticks == 4 * fresh
+
+
 def test_the_command_writes_a_path_that_a_library_finds(cli, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     short = ("--animals", 6, "--seeds", 2, "--steps", 2, "--seconds", 1, "--begin", "aligned")

@@ -47,8 +47,10 @@ def test_commands_of_scripts_begin_where_the_mouse_is():
     assert not {"PutColumns", "UseBrush", "Paint"} & set(known)
     gust = blank(known["Gust"], (3.0, 4.0))
     assert (gust.x, gust.at_x, gust.at_y) == (0.0, 3.0, 4.0)
+    assert "m/s" in rows_of(gust)[0].tip and "`" not in rows_of(gust)[0].tip
     for kind in known.values():
-        assert rows_of(blank(kind, (1.0, 2.0)))
+        rows = rows_of(blank(kind, (1.0, 2.0)))
+        assert rows and all(row.tip for row in rows)
 
 
 def test_a_chain_of_goals_is_made_in_the_window_undone_and_saved(window, tmp_path):

@@ -7,6 +7,7 @@ from flockbrush.behaviours.sliders import Range
 from small_pasture import pasture
 from small_window import SmallWindow
 
+from benchmarks.macros import with_slider
 from flockbrush.studio.panels.brush_panel import BrushPanel
 from flockbrush.studio.panels.knobs import SENTENCE, knobs_of
 from flockbrush.studio.panels.macros import GOAL, HARDLY, SURE, macros_of, ranges_by_brush
@@ -73,18 +74,26 @@ def test_what_was_measured_stands_below_a_slider_that_does_less_or_more():
     assert order([0.3, 0.8], polarization=1.0) == (True, "weak effect: polarization 0.30 to 0.80 ± 0.50")
 
 
-def test_the_table_speaks_of_shipped_brushes_and_its_ranges_hold_them():
+def test_the_table_has_the_order_of_every_shipped_herd_and_its_notes_say_what_was_measured():
+    measured = ranges_by_brush()["order"]
+    assert set(measured) == set(with_slider("order"))
+    for name, entry in measured.items():
+        one = macro(shipped().get(name), "order")
+        low, high = min(entry["polarization"]), max(entry["polarization"])
+        moves = entry["moves"]
+        good = moves["polarization"] >= GOAL * max(by for key, by in moves.items() if key != "polarization")
+        assert bool(one.note) == (not good or high - low < HARDLY or moves["polarization"] < SURE)
+
+
+def test_own_ranges_of_shipped_brushes_contain_the_brush():
     for slider, brushes in ranges_by_brush().items():
         for name, entry in brushes.items():
-            one, brush = macro(shipped().get(name), slider), shipped().get(name)
-            low, high = min(entry["polarization"]), max(entry["polarization"])
-            moves = entry["moves"]
-            good = moves["polarization"] >= GOAL * max(by for key, by in moves.items() if key != "polarization")
-            assert bool(one.note) == (not good or high - low < HARDLY or moves["polarization"] < SURE)
-            if "ranges" in entry:
-                assert one.turned(brush, one.value(brush)).params.alignment_weight == pytest.approx(
-                    brush.params.alignment_weight, abs=1e-3
-                )
+            brush = shipped().get(name)
+            one = macro(brush, slider)
+            own = one.turned(brush, one.value(brush))
+            for part in entry.get("ranges", ()):
+                numbers = [getattr(getattr(made, part[0]), part[1]) for made in (own, brush)]
+                assert numbers[0] == pytest.approx(numbers[1], abs=2e-3)
 
 
 def test_herds_have_six_sliders_and_their_symbols_stand_in_the_tooltip():

@@ -81,7 +81,10 @@ def _moved(part, now, by):
 
 @cache
 def ranges_by_brush() -> dict[str, dict[str, dict[str, Any]]]:
-    """What was measured of sliders: {slider: {brush: {"polarization", "moves", and "ranges" of its own}}}."""
+    """What was measured of sliders: {slider: {brush: {"polarization", "moves", ..., and "ranges" of its own}}}.
+
+    Only the slider order has measurements.
+    """
     return json.loads(TABLE.read_text()) if TABLE.exists() else {}
 
 
@@ -102,7 +105,7 @@ def macros_of(brush: Brush, measured: Mapping[str, Any] | None = None) -> list[M
 
 def _note(name, entry):
     """(kind, note): what was measured of a slider where it does less than its name says, or more."""
-    if not entry:
+    if "polarization" not in entry:
         return NUMBER, ""
     low, high = min(entry["polarization"]), max(entry["polarization"])
     moves = entry["moves"]

@@ -9,13 +9,14 @@ from benchmarks import herd_film
 from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import STILL, Camera, shoot
 from flockbrush.film.camera_maps import Steady, after, back, fitted, moved_by, smoothed
-from flockbrush.film.clip_fields import grid_over, moments, painted, read_colours
+from flockbrush.film.clip_fields import Collector, grid_over, moments, painted, read_colours
 from flockbrush.film.clip_reader import open_clip
 from flockbrush.film.flow import gap_of
 from flockbrush.film.masks import colours_of
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.observe import observe
 from flockbrush.film.stabilise import GroundLandmark, _Follower, follow_landmarks, register
+from flockbrush.learning.rollout import Gates
 
 SIZE = (480, 360)
 
@@ -287,3 +288,17 @@ def test_exposure_that_changes_does_not_change_who_is_an_animal(still, tmp_path)
     dim = cv2.convertScaleAbs(picture, alpha=0.65)
     one, other = colours.mask(k, picture), colours.mask(k, dim)
     assert (one != other).mean() < 0.01 and one.mean() > 0.02
+
+
+@pytest.mark.parametrize(("top", "holds"), [(12, True), (2, False)])
+def test_a_herd_near_the_edge_is_whole_unless_bodies_are_there(top, holds):
+    """Bodies of 20 x 8 px, at the top one that is so many px from the edge, in a cell at the edge either way."""
+    grid, mask = grid_over((400, 300), np.eye(2, 3)[None], 20.0, 10), np.zeros((300, 400), np.uint8)
+    for y in (top, 100, 150, 200):
+        mask[y : y + 8, 180:200] = 1
+    collector = Collector(grid, (400, 300), 160.0)
+    for frame in range(3):
+        collector.add(frame, mask, np.eye(2, 3), 0.1, (np.array([(190.0, top + 4.0)]), np.array([(1.0, 0.0)])))
+    fields = collector.fields(10.0)
+    assert fields.holds_all is holds and fields.part(slice(1, 3)).holds_all is holds
+    assert fields.density[0, -1].sum() > 0 and (Gates.of(fields) is None) is holds

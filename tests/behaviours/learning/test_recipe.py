@@ -59,6 +59,17 @@ def test_what_is_learned_is_a_brush_and_what_is_known_of_it(found):
     assert {"polarization", "lasting polarization"} <= set(found.held_out)
 
 
+def test_quick_learning_fits_random_starts_and_tries_brushes_as_they_are(clip):
+    quick = learn(clip, dataclasses.replace(FEW, budget_s=0.05, starts=1, brushes=True, quick=True))
+    tried = [a for a in quick.starts if not a.name.startswith("random")]
+    assert len(tried) > 10 and all(len(a.loss) == 0 for a in tried)
+    assert len(quick.starts[0].loss) > 0 and np.isfinite(quick.starts[quick.chosen].score)
+    again = [("march", tried[0].theta, tried[0].extras)]  # with nothing at random all are fitted
+    assert any(
+        a.name == "march, fitted" for a in learn(clip, dataclasses.replace(FEW, begins=again, quick=True)).starts
+    )
+
+
 @pytest.mark.parametrize("part", ["density", "variance"])
 def test_a_part_that_is_left_out_leaves_the_loss_of_trials(clip, part):
     brush = swarm_of_graze()[1]

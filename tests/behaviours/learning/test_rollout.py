@@ -115,7 +115,7 @@ def band(frames=30, seen=(2, 8), count=12, velocity=(2.0, 0.0)):
     flow = np.where(density[..., None] > 0, velocity, np.nan)
     return SimpleNamespace(
         fps=10.0, cell=1.0, origin=np.zeros(2), density=density, velocity=flow, seen=inside,
-        count=np.full(frames, float(count)), obstacle=np.zeros((10, 10), bool),
+        count=np.full(frames, float(count)), obstacle=np.zeros((10, 10), bool), at_edge=None,
     )  # fmt: skip
 
 
