@@ -1,6 +1,9 @@
 """Maps as game developers have them, in Tiled's XML: like Tiled's own examples, and those where Tiled is installed."""
 
+import json
+import os
 import shutil
+import subprocess
 import zlib
 from base64 import b64encode
 from pathlib import Path
@@ -141,3 +144,11 @@ def foreign_map(name, folder, of_tiled=False) -> Path:
         return globals()[name](folder)
     shutil.copytree(EXAMPLES, folder, dirs_exist_ok=True)
     return folder / OF_TILED[name]
+
+
+def exported(path, out):
+    """What Tiled makes of a map as JSON."""
+    environment = {**os.environ, "QT_QPA_PLATFORM": "offscreen"}
+    command = ["tiled", "--export-map", "json", str(path), str(out)]
+    subprocess.run(command, env=environment, check=True, capture_output=True, timeout=60)
+    return json.loads(out.read_bytes())

@@ -14,7 +14,7 @@ from flockbrush.levels.reader import read_level
 from flockbrush.levels.tile_data import unpack
 from flockbrush.levels.tmx import read_xml
 from flockbrush.systems.edits import Paint
-from foreign_maps import EXAMPLES, OF_TILED, foreign_map
+from foreign_maps import EXAMPLES, OF_TILED, exported, foreign_map
 
 from flockbrush.render.painter import Painter
 from flockbrush.render.scenery import Scenery
@@ -66,13 +66,6 @@ def unpacked(document):
     return layers
 
 
-def by_tiled(path, out):
-    environment = {**os.environ, "QT_QPA_PLATFORM": "offscreen"}
-    command = ["tiled", "--export-map", "json", str(path), str(out)]
-    subprocess.run(command, env=environment, check=True, capture_output=True, timeout=60)
-    return json.loads(out.read_bytes())
-
-
 @pytest.mark.parametrize("name", sorted(OF_TILED))
 @pytest.mark.parametrize("of_tiled", [False, pytest.param(True, marks=examples)])
 class TestAdopting:
@@ -114,7 +107,7 @@ class TestAdopting:
     def test_tiled_opens_and_keeps_it(self, name, of_tiled, tmp_path, cli):
         path, new = adopted(name, tmp_path, of_tiled)
         assert cli("level", "adopt", path).code == 0
-        again = by_tiled(new, new.with_name("again.tmj"))
+        again = exported(new, new.with_name("again.tmj"))
         assert unpacked(again) == unpacked(json.loads(new.read_bytes()))
         assert ": ok: " in cli("level", "check", new.with_name("again.tmj")).out
         out = tmp_path / "tiled.png"

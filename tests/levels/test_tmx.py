@@ -1,16 +1,13 @@
 """TMX and TSX are read as Tiled itself would export them, and nothing hostile in them costs more than a sentence."""
 
-import json
-import os
 import shutil
-import subprocess
 
 import pytest
 from flockbrush.engine import limits
 from flockbrush.levels.json_lines import JsonError
 from flockbrush.levels.reader import read_level_files
 from flockbrush.levels.tmx import is_xml, read_xml
-from foreign_maps import EXAMPLES, OF_TILED, foreign_map
+from foreign_maps import EXAMPLES, OF_TILED, exported, foreign_map
 from small_level import Shelf, level, problem
 from small_level import tileset as small_tileset
 
@@ -18,14 +15,6 @@ MAPS = sorted(OF_TILED)
 OF_VERSION = {"version", "tiledversion", "compressionlevel", "renderorder"}  # Tiled writes its own
 tiled = pytest.mark.skipif(shutil.which("tiled") is None, reason="Tiled is not installed")
 examples = pytest.mark.skipif(not (EXAMPLES / "desert.tmx").is_file(), reason="Tiled's examples are not installed")
-
-
-def exported(path, out):
-    """What Tiled makes of a map as JSON."""
-    environment = {**os.environ, "QT_QPA_PLATFORM": "offscreen"}
-    command = ["tiled", "--export-map", "json", str(path), str(out)]
-    subprocess.run(command, env=environment, check=True, capture_output=True, timeout=60)
-    return json.loads(out.read_bytes())
 
 
 def plain(document):

@@ -10,10 +10,6 @@ def crashed(session):
     session.simulation.close()
 
 
-def texts(session):
-    return [notice.text for notice in session.notices()]
-
-
 def sessions(state):
     """Names of the folders of sessions that run or that a crash left."""
     return [folder.name for folder in state.iterdir() if folder.name not in ("trash", "damaged")]

@@ -1,13 +1,13 @@
 """Sessions that end badly: what a crash leaves is found, and one goes on from there."""
 
 import pytest
-from crashed_session import crashed, sessions, texts, thrown_away
+from crashed_session import crashed, sessions, thrown_away
 from flockbrush.behaviours.brush import shipped
 from flockbrush.engine.recording import RecordingError
 from flockbrush.engine.state import state_hash
 from flockbrush.systems.commands import AddAnimals, AddObstacle
 from flockbrush.systems.undo import UseBrush
-from small_pasture import by_hand, straight_run, stroke, verified
+from small_pasture import by_hand, straight_run, stroke, texts, verified
 
 from flockbrush.studio.recovery import leftovers
 from flockbrush.studio.session import Session

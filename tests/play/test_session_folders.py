@@ -11,10 +11,10 @@ import time
 from pathlib import Path
 
 import pytest
-from crashed_session import crashed, sessions, texts, thrown_away
+from crashed_session import crashed, sessions, thrown_away
 from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.level_writer import Document, dump
-from small_pasture import by_hand, pasture, straight_run, stroke
+from small_pasture import by_hand, pasture, straight_run, stroke, texts
 
 from flockbrush.cli.main import called
 from flockbrush.studio import session_folders
