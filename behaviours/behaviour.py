@@ -286,9 +286,9 @@ def filled_up(lists: np.ndarray, count: np.ndarray, other: np.ndarray):
 
 
 def _all_dangers(scene: Scene):
-    """(first, offset) of all that each animal fears, wherever they are."""
+    """(first, offset) of all that each animal fears, wherever they are; few fear, or none."""
     kinds = kinds_in(scene)
-    timid, feared = (np.flatnonzero(kinds.fears.any(axis)[kinds.kind]) for axis in (1, 0))  # few fear, or none
+    timid, feared = (np.flatnonzero(np.asarray(kinds.fears.any(axis))[kinds.kind]) for axis in (1, 0))
     pairs = kinds.fears[kinds.kind[timid, None], kinds.kind[feared]] & (timid[:, None] != feared)
     observer, who = (rows[k] for rows, k in zip((timid, feared), np.nonzero(pairs), strict=True))
     first = np.zeros(len(scene.ids) + 1, np.int64)
