@@ -95,7 +95,7 @@ def _photograph(model, animals):
         cv2.imwrite(str(path), film.frames[0])
         clip = standing(observe(path), SPEED)
     true, seen, rows = film.seen_from(0, clip.body_length_px), clip.sightings, clip.sightings.of(0)
-    far, who = cKDTree(true.xy[0]).query(seen.xy[rows] - seen.xy[rows].mean(0) + true.xy[0].mean(0))
+    far, who = cKDTree(true.xy[0]).query(seen.xy[rows])
     mine, theirs = seen.forward[rows], true.forward[0][who]
     off = np.arcsin(np.clip(mine[:, 0] * theirs[:, 1] - mine[:, 1] * theirs[:, 0], -1.0, 1.0))[far < 0.5]
     return clip, float(spacings([true.xy[0]])[4]), 1.48 * float(np.median(np.abs(off)))

@@ -41,7 +41,7 @@ LENGTHS = ("aspect", "spread", "density", "nearest neighbour", "speed")
 MEASURES = SHARES + LENGTHS
 LYING = 270.0  # degrees², of the directions of a photograph: a tenth of chance
 # weights; 1 for the others
-COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0, "spacing": 3.0}
+COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0, "spacing": 6.0}
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
 KNOWN = 0.5  # of its moments a measure must be told in to count
