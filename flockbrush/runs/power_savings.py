@@ -13,14 +13,24 @@ NEAR = 0.5  # wingspans of height within which birds fly in one another's wake
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def savings(x, y, z, near):
-    """Σ g of every bird, (n,): from birds at its own height and not in one another's downwash."""
+def savings(x, y, z, wing):
+    """Σ g of every bird, (n,): from birds at its own height and not in one another's downwash.
+
+    Parameters
+    ----------
+    x, y, z : ndarray (n,)
+        Metres to the right, ahead and up.
+    wing : ndarray (n,)
+        Wingspans, m.  Distances between two birds count in their mean wingspan.
+    """
     n = len(x)
     out = np.zeros(n)
     for i in range(n):
         for j in range(n):
-            if i != j and abs(x[j] - x[i]) > REACH + 0.02 and abs(z[j] - z[i]) < near:
-                out[i] += g_(x[j] - x[i], y[j] - y[i])
+            unit = 0.5 * (wing[i] + wing[j])
+            right = (x[j] - x[i]) / unit
+            if i != j and abs(right) > REACH + 0.02 and abs(z[j] - z[i]) < NEAR * unit:
+                out[i] += g_(right, (y[j] - y[i]) / unit)
     return out
 
 
@@ -40,9 +50,9 @@ def savings_of(world):
     """
     agents, wing = world.agents, wingspans_of(world)
     xyz, track = agents[Position.xyz], agents[FormationPlace.track]
-    x = (xyz[:, 0] * track[:, 1] - xyz[:, 1] * track[:, 0]) / wing
-    y = (xyz[:, 0] * track[:, 0] + xyz[:, 1] * track[:, 1]) / wing
+    x = xyz[:, 0] * track[:, 1] - xyz[:, 1] * track[:, 0]
+    y = xyz[:, 0] * track[:, 0] + xyz[:, 1] * track[:, 1]
     flying = np.flatnonzero(track.any(axis=1))
     out = np.zeros(len(agents))
-    out[flying] = savings(x[flying], y[flying], xyz[flying, 2] / wing[flying], NEAR)
+    out[flying] = savings(x[flying], y[flying], xyz[flying, 2], wing[flying])
     return out

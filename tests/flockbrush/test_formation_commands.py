@@ -126,6 +126,14 @@ def test_what_cannot_be_done_is_said(words, said, tmp_path, capsys, monkeypatch)
 
 def test_who_flies_beside_saves_and_who_is_alone_does_not():
     x, y, z = np.array([0.0, 1.25, 40.0]), np.array([0.0, -1.0, 0.0]), np.zeros(3)
-    saved = savings(x, y, z, 0.5)
+    saved = savings(x, y, z, np.ones(3))
     assert saved[1] > saved[0] > 100 * saved[2] > 0
-    assert savings(x, y, np.array([0.0, 5.0, 0.0]), 0.5)[1] == 0  # far above
+    assert savings(x, y, np.array([0.0, 5.0, 0.0]), np.ones(3))[1] == 0  # far above
+    assert np.array_equal(savings(2 * x, 2 * y, z, np.full(3, 2.0)), saved)
+
+
+def test_what_birds_of_different_sizes_save_depends_only_on_where_they_are_to_one_another():
+    x, y, wing = np.array([0.0, 2.0, 4.0]), np.array([0.0, -1.6, -3.2]), np.array([1.5, 1.6, 1.7])
+    saved = savings(x, y, np.zeros(3), wing)
+    assert saved[2] > 0.1
+    assert savings(x + 800.0, y - 3000.0, np.full(3, 50.0), wing) == pytest.approx(saved, rel=1e-9)
