@@ -60,7 +60,7 @@ DOUBT = np.float32(2e-6)  # cosines nearer than this to an edge are decided in f
 # In units of optical depth, the distance within which bodies side by side would cover the circle once:
 DENSE = 5.0  # looking in several steps is worth its cost where the range is longer than this
 FIRST_LOOK = 4.5  # how far a dense herd is looked into first,
-NEXT_LOOK = 1.4  # how many times as far at each further look,
+NEXT_LOOK = 1.6  # how many times as far at each further look,
 RING = 1.0  # width of a ring,
 DENSE_RING = 2.0  # and in a dense herd, whose rings have enough bodies to strike out many
 RINGS = 8  # at most, in one look
