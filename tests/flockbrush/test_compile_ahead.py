@@ -85,7 +85,10 @@ def _compiled(call):
 
 
 def test_a_helper_compiles_into_the_cache_of_the_process_that_asked(tmp_path):
-    subprocess.run([sys.executable, "-c", SHARED], env=environment(NUMBA_CACHE_DIR=tmp_path), timeout=300, check=True)
+    words = [sys.executable, "-c", SHARED]
+    done = subprocess.run(words, env=environment(NUMBA_CACHE_DIR=tmp_path), timeout=300, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.rglob("*.nbc"))
 
 
 def test_calls_that_take_long_come_first_and_none_comes_twice():

@@ -129,7 +129,9 @@ def test_a_folder_of_trex_files_is_one_herd(tmp_path):
 
 def test_an_array_is_frames_by_animals(tmp_path):
     np.save(tmp_path / "a.npy", paths_of())
-    same(read_trajectories(tmp_path / "a.npy", unit="m", fps=FPS), paths_of())
+    found = read_trajectories(tmp_path / "a.npy", unit="m", fps=FPS)
+    assert found.unit == "m" and found.fps == FPS and found.seen.all()
+    same(found, paths_of())
 
 
 def test_sleap_has_animals_first(tmp_path):

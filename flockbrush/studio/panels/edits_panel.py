@@ -25,7 +25,7 @@ from flockbrush.runs.edit_file import sentence_of
 from flockbrush.runs.run_edits import ALWAYS
 from flockbrush.runs.snapshots import words_of
 from flockbrush.studio.forms import Form, FormRow, number
-from flockbrush.studio.panels.panel import Panel, fitted
+from flockbrush.studio.panels.panel import Panel, fit
 
 CHOOSE, EVERYBODY, NEW = "Select all ...", "all animals", "new layer ..."
 SWITCHED = (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED)
@@ -279,9 +279,7 @@ class EditsPanel(Panel):
         room = (wide or self.inner) - left
         place = pygame.Rect(left, y, room, self.px(26))
         label = self._part(UILabel(place, "", self.manager, container=self.scroll, object_id=kind))
-        label.set_text(fitted(text, label.font, room - 6))
-        if label.text != text:
-            label.set_tooltip(text)
+        fit(label, text, room)
         return label
 
     def _button(self, words, action, x, y, wide):

@@ -161,6 +161,13 @@ def fitted(text, letters, room) -> str:
     return text.rstrip() + "…" if text else ""
 
 
+def fit(label, text, room):
+    """Give a label as much of a text as fits into the room, pixels; the whole text is its tooltip then."""
+    label.set_text(fitted(text, label.font, room - 6))
+    if label.text != text:
+        label.set_tooltip(text)
+
+
 def picture_on(button, surface):
     """Give a button a picture instead of words."""
     button.normal_images = button.hovered_images = button.selected_images = [surface.premul_alpha()]

@@ -10,7 +10,7 @@ from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingCo
 
 from flockbrush.behaviours.program import SUFFIX, load_program, save_program, shipped_programs
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.studio.panels.panel import Panel, fitted
+from flockbrush.studio.panels.panel import Panel, fit
 from flockbrush.studio.panels.program_form import cards_of, changed, with_state, with_trigger, without
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.program_commands import Event, GiveProgram, UseProgram, heard
@@ -200,9 +200,7 @@ class StatesPanel(Panel):
     def _label(self, text, x, y, wide, kind="@row"):
         place = pygame.Rect(x, y, wide, self.px(26))
         label = UILabel(place, "", self.manager, container=self.scroll, object_id=kind)
-        label.set_text(fitted(text, label.font, wide - 6))
-        if label.text != text:
-            label.set_tooltip(text)
+        fit(label, text, wide)
         self.parts.append(label)
         return label
 
