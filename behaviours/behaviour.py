@@ -205,6 +205,7 @@ class Bodies(NamedTuple):
     relief_cell: float  # m
     transit: np.ndarray  # (n,) uint8, 1 lands, 2 takes off (`components.agent.Transit`)
     radius: np.ndarray  # (n,) m, half the width
+    family: np.ndarray  # (n,) int32, number of the family; 0: none
     solids: Any  # what is in the way of those in the air (`flockbrush.engine.solids.Solids`)
     foresight: np.ndarray  # (n,) s of flight that each looks ahead
     wished: np.ndarray  # (n, 3) m/s, what the models wish (`flockbrush.systems.allocation.with_wishes`)

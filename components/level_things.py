@@ -215,4 +215,7 @@ class Spawn:
         "number", 0.0, "length from nose to tail; 0: that of the brush", "m", kept=None, low=0, high=100
     )
     program: str = prop("program", "", "name of the program (states and triggers) that the animals follow")
+    family_size: int = prop(
+        "int", 0, "number of animals in a family; 0: no families; families need a rate of 0", low=0, high=10_000
+    )
     since: float = 0.0  # s, when it was drawn: its start counts from there

@@ -24,7 +24,9 @@ def savanna():
     s.draw("Obstacle", polygon_about(150, 38, 6, 8, 215), "kopje", margin=0.5, z_max=5)
     bank = np.linspace(0, 2 * np.pi, 17)[:-1]
     s.draw("Goal", np.column_stack([205 + 32 * np.cos(bank), 84 + 24 * np.sin(bank)]), "water", on_arrive="stay")
-    s.box("Spawn", 118, 70, 44, 36, "herd", species="zebra", brush="zebra-graze", count=90, program="zebra")
+    s.box(
+        "Spawn", 118, 70, 44, 36, "herd", species="zebra", brush="zebra-graze", count=90, program="zebra", family_size=6
+    )
     s.box("Spawn", 132, 117, 24, 4, "pride", species="lion", brush="rest", count=3, heading="south", program="lion")
     s.draw("Line", [(172, 60), (172, 110)], "on the way to the water", closed=False)
     return s

@@ -471,6 +471,7 @@ class EditedMap:
             "speed": command.speed or 0.0, "altitude": command.altitude, "start": command.start,
             "rate": command.rate, "formation": command.formation, "body_length": command.body_length or 0.0,
             "depth": command.depth, "program": command.program,
+            "family_size": command.family_size,
         }  # fmt: skip
         found = self.find(command.id, "Spawn")
         given = {p["name"] for p in found[0].get("properties", [])} if found else set()

@@ -231,6 +231,8 @@ class ObjectReader:
         told |= {"speed": v["speed"] or None, "body_length": v["body_length"] or None}
         told["program"] = self.reader.program(v["program"], place, v.lines.get("program"))
         del told["density"]
+        if v["rate"] and v["family_size"]:
+            place.say("families need a rate of 0: they appear at once", v.lines.get("family_size"))
         self.level.spawns.append(Spawn(number, name, shape[1], **told))
 
     def count(self, polygon, v, place):

@@ -247,6 +247,7 @@ class MarkSpawn(OfThing):
     born: int = -1  # how many it has brought already; -1: as it is
     at: int = -1
     program: str = ""  # that they follow; "": none
+    family_size: int = 0  # animals of a family; 0: no families
 
     def check(self, world):
         land = world.resource(Landscape)
@@ -257,7 +258,8 @@ class MarkSpawn(OfThing):
         need(0 <= self.count <= MOST, f"count must be 0 to {MOST}, got {self.count}")
         need(self.count or self.rate, "count must be at least 1, got 0")
         need(self.species, "a species needs a name")
-        check_told(self, Spawn, ("formation", "start", "rate", "altitude", "depth"))
+        check_told(self, Spawn, ("formation", "start", "rate", "altitude", "depth", "family_size"))
+        need(not (self.rate and self.family_size), "families need a rate of 0: they appear at once")
         need(self.speed is None or 0 <= self.speed <= 1000, f"speed must be 0 to 1000 m/s, got {self.speed}")
         need(self.heading is None or abs(self.heading) <= FAR, f"heading is in radians, got {self.heading}")
         size = self.body_length

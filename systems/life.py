@@ -10,6 +10,7 @@ from flockbrush.components import Body, Destination, Position, Species
 from flockbrush.components.level_things import Spawn
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.schedule import Stage, System
+from flockbrush.systems.families import make_families
 from flockbrush.systems.fauna import HUNT, SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.named_regions import in_goal
@@ -58,14 +59,15 @@ class Nursery:
 
 _ORDER = (  # of fields in the state: its hash depends on it
     "id", "name", "polygon", "species", "brush", "count", "heading", "speed", "altitude", "start", "rate", "formation",
-    "body_length", "depth", "since", "program",
+    "body_length", "depth", "since", "program", "family_size",
 )  # fmt: skip
+_ADDED = ("program", "family_size")  # to the state since it was first hashed: left out where they are not used
 
 
 def _plain(spawn):
-    """A spawn as JSON has it; one without a program as it was before there were any."""
-    told = {name: getattr(spawn, name) for name in _ORDER} | {"polygon": spawn.polygon.tolist()}
-    return told if spawn.program else {name: value for name, value in told.items() if name != "program"}
+    """A spawn as JSON has it."""
+    names = (name for name in _ORDER if name not in _ADDED or getattr(spawn, name))
+    return {name: getattr(spawn, name) for name in names} | {"polygon": spawn.polygon.tolist()}
 
 
 REACH = 0.25  # body lengths from body to body: so near a hunter catches its prey
@@ -159,4 +161,6 @@ def bear(world, spawn, count, stream):
     """Births as one spawn of the level has them."""
     born = give_birth(world, spawn, count, stream)
     born_into(world, born, spawn.program)
+    if spawn.family_size:
+        make_families(world, born, spawn.family_size)
     return born

@@ -60,7 +60,7 @@ class Exporter:
     fps : float
         Moments per second unless told; 32 is every tick.
     labels : bool
-        Whether it writes group and state, which take time to find.
+        Whether it writes group, family and state, which take time to find.
     needs : tuple of (module, package)
         Beyond what Flockbrush itself needs.
     choices : tuple of Option

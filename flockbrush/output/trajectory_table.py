@@ -16,11 +16,11 @@ COLUMNS = (
 )  # fmt: skip
 
 ROLES = ("follower", "leader")
-TEXTS = ("species", "brush", "role", "group", "state")  # columns whose values are names
+TEXTS = ("species", "brush", "role", "group", "family", "state")  # columns whose values are names
 
 
 def column_names(simulation) -> tuple[str, ...]:
-    """`COLUMNS`, and behind them those that only some worlds have: group, state."""
+    """`COLUMNS`, and behind them those that only some worlds have: group, family, state."""
     return COLUMNS + tuple(name for name in words_of(simulation) if name not in COLUMNS)
 
 

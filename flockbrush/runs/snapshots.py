@@ -12,6 +12,7 @@ from flockbrush.components import (
     Airborne,
     Body,
     BrushBinding,
+    Family,
     Heading,
     Position,
     ReferenceBird,
@@ -19,7 +20,7 @@ from flockbrush.components import (
     Species,
     Velocity,
 )
-from flockbrush.systems.groups import group_names, groups_of
+from flockbrush.systems.groups import family_names, group_names, groups_of
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
@@ -78,6 +79,9 @@ class Label(NamedTuple):
 LABELS: dict[str, Label] = {  # by name; who declares such a column registers it here
     "group": Label(
         lambda simulation: group_names(simulation.world), lambda simulation: groups_of(simulation.world) - 1
+    ),
+    "family": Label(
+        lambda simulation: family_names(simulation.world), lambda simulation: simulation.agents[Family.number].copy()
     ),
     "state": Label(lambda simulation: state_names(simulation.world), lambda simulation: state_codes(simulation.world)),
 }
