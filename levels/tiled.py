@@ -1,6 +1,7 @@
 """The Tiled project: classes and enums from the schema, tilesets drawn by hand of numpy, F5 and F6.
 
 `write_project` makes a folder that a designer opens in Tiled; `init` adds a first level to it.
+``python -m flockbrush.levels.tiled`` renews the project around the shipped levels.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def init(folder, library) -> list[Path]:
 def _first_level(path, library):
     """A herd on its way round a rock to a goal, an exit there, and others that come after: it never stops."""
     names = known_brushes(path.parent / BRUSHES_FILE)
-    sketch = LevelSketch(40, 30, 1.0, "tilesets", names)
+    sketch = LevelSketch(40, 30, 1.0, "tilesets")
     sketch.ground("grass")
     sketch.ground("meadow", (np.sin(sketch.x / 4) + np.cos(sketch.y / 3)) > 0.6)
     sketch.ground("dirt", np.abs(sketch.y - 5) < 1.5)
@@ -280,4 +281,7 @@ def _tile(number, cls, values):
     return {"id": number, "properties": told, "type": cls}
 
 
-# ---------------------------------------------------------------- pictures
+if __name__ == "__main__":  # the project that comes with Flockbrush
+    from flockbrush.behaviours.brush import shipped
+
+    write_project(Path(__file__).parent, shipped())

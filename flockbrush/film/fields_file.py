@@ -7,13 +7,12 @@ import tokenize
 import zipfile
 import zlib
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 
 from flockbrush.behaviours.tomlfile import check_plain
 from flockbrush.engine import limits
-from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.files import refused
 
 SCHEMA = "flockbrush.fields/1"
 _UNKNOWN = "is not a fields file"
@@ -103,7 +102,3 @@ def unpacked(path, raw):
     from flockbrush.film.media import decoded
 
     return decoded(raw.tobytes(), f"{path}: clip.picture")
-
-
-def refused(path, message):
-    return ProblemsError([Problem(str(Path(path)), None, None, message)])

@@ -97,13 +97,3 @@ def motion(boxes, a, b) -> np.ndarray | None:
     c, s = float((p * q).sum()) / length, float((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum()) / length
     turn = np.array([[c, -s], [s, c]])
     return np.column_stack([turn, end.mean(0) - turn @ start.mean(0)])
-
-
-def moved(matrix, xy) -> np.ndarray:
-    """Positions (..., 2) after a motion (2, 3)."""
-    return np.asarray(xy, float) @ matrix[:, :2].T + matrix[:, 2]
-
-
-def back(matrix) -> np.ndarray:
-    """The inverse motion, (2, 3)."""
-    return cv2.invertAffineTransform(np.asarray(matrix, float))

@@ -15,18 +15,14 @@ import numpy as np
 
 from flockbrush.behaviours.tomlfile import read_bytes
 from flockbrush.engine import limits, picture_decoding
+from flockbrush.engine.files import refused
 from flockbrush.engine.picture_decoding import picture_size
-from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.problems import ProblemsError
 
 FILMS = ("mov", "matroska", "avi", "mpegts", "mpeg", "m4v", "ogg", "asf", "flv", "gif")  # FFmpeg's names of formats
 FILM_ENDINGS = "MP4, MOV, MKV, WebM, AVI, MPEG, OGG, WMV, FLV and GIF"
 PICTURES = "PNG, JPEG, WebP and BMP"
 BROKEN = 500  # packets of a film that cannot be decoded, one after the other: no more are tried
-
-
-def refused(path, message) -> ProblemsError:
-    """The error that says one thing about one file."""
-    return ProblemsError([Problem(str(path), None, None, message)])
 
 
 # pictures --------------------------------------------------------------------------------------

@@ -12,8 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
+from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.film.fields_file import damage, flat, packed, part_of, read, refused, unpacked, write
+from flockbrush.film.fields_file import damage, flat, packed, part_of, read, unpacked, write
 from flockbrush.film.speeds import SpeedEvidence, speed_evidence
 
 

@@ -12,13 +12,12 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.files import refused
 from flockbrush.film.body_outlines import BodySize, areas_alone, bodies_of
 from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.camera_maps import Steady, after, back, zoom_of
@@ -136,10 +135,10 @@ class Watch:
         cells = grid_over(clip.size, steady.maps, length, grid)
         obstacle = None if painted_on[0] is None else (painted_on[0].max(-1) > 127).astype(np.uint8)
         if obstacle is not None and obstacle.mean() > ROOMLESS:
-            raise _refused(obstacles, "is almost completely white; white means obstacle, black means ground")
+            raise refused(obstacles, "is almost completely white; white means obstacle, black means ground")
         numbers, kinds = (None, None) if painted_on[1] is None else read_colours(painted_on[1])
         if kinds is not None and len(kinds) > 32:
-            raise _refused(regions, f"has {len(kinds)} colours; use a few colours for the regions, without soft edges")
+            raise refused(regions, f"has {len(kinds)} colours; use a few colours for the regions, without soft edges")
         return Watch(
             clip, steady, colours, size, length, body_length_px is not None, cells,
             None if obstacle is None else cv2.resize(obstacle, clip.size, interpolation=cv2.INTER_NEAREST),
@@ -458,15 +457,11 @@ def _mask_of(path, clip):
         return picture
     if abs(w / h - clip.full[0] / clip.full[1]) < 0.01:
         return cv2.resize(picture, clip.full, interpolation=cv2.INTER_NEAREST)
-    raise _refused(
+    raise refused(
         path,
         f"is {w} x {h} pixels, but the clip is {clip.full[0]} x {clip.full[1]}; paint the mask over a frame of "
         "the clip",
     )
-
-
-def _refused(path, message):
-    return ProblemsError([Problem(str(Path(path)), None, None, message)])
 
 
 __all__ = ["Glance", "Watch", "observe"]

@@ -22,7 +22,7 @@ from flockbrush.film.several_kinds import speeds_told
 from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
 from flockbrush.film.track_files import Trajectories
-from flockbrush.film.tracks import Tracks, smoothed
+from flockbrush.film.tracks import Tracks, central_differences, smoothed
 
 GAP = 1.0  # s, and at least so many frames: an animal that is away for longer is another animal afterwards
 GAP_FRAMES = 5
@@ -125,29 +125,19 @@ class _Motion:
     @classmethod
     def of(cls, pieces, fps):
         found = smoothed(Tracks(pieces.xy, np.arange(pieces.xy.shape[1])))
-        velocity = _rate(found.px) * fps
+        velocity = central_differences(found.px) * fps
         again = _again(pieces, found)
-        off, other = again - found.px, _rate(again) * fps
+        off, other = again - found.px, central_differences(again) * fps
         slow = max(SLOW * _spread(other - velocity), SLOWEST)
         angle, sure = _headings(pieces, velocity, slow)
         apart = _wrapped(np.arctan2(other[..., 1], other[..., 0]) - np.arctan2(velocity[..., 1], velocity[..., 0]))
         fast = np.hypot(velocity[..., 0], velocity[..., 1]) > slow
-        turn = np.where(sure, _rate(angle) * fps, np.nan)
+        turn = np.where(sure, central_differences(angle) * fps, np.nan)
         window = max(SMOOTHED, 2.0 * found.stiffness ** (1 / 6) / fps)
         return cls(
             found.px, velocity, angle, turn, found.noise, _spread(off),
             float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window),
         )  # fmt: skip
-
-
-def _rate(values):
-    """Differences from frame to frame, central where both neighbours are known."""
-    ahead = np.full(values.shape, np.nan)
-    ahead[:-1] = values[1:] - values[:-1]
-    back = np.full(values.shape, np.nan)
-    back[1:] = ahead[:-1]
-    both = 0.5 * (ahead + back)
-    return np.where(np.isfinite(both), both, np.where(np.isfinite(ahead), ahead, back))
 
 
 def _again(pieces, found):

@@ -284,3 +284,12 @@ def _score(spans, stiffness):
         sights += span.weight.sum()
         trace += own
     return residual / sights / max(1.0 - trace / sights, 1e-6) ** 2
+
+
+def central_differences(values):
+    """Differences per frame along the first axis, (F, ...): central where both neighbours are known, else one-sided."""
+    ahead, behind = np.full(values.shape, np.nan), np.full(values.shape, np.nan)
+    ahead[:-1] = values[1:] - values[:-1]
+    behind[1:] = ahead[:-1]
+    both = 0.5 * (ahead + behind)
+    return np.where(np.isfinite(both), both, np.where(np.isfinite(ahead), ahead, behind))

@@ -280,7 +280,7 @@ class Show:
         (folder / "brushes").mkdir(exist_ok=True)
         with claimed([folder / "brushes" / path.name]):
             self.formation_brush(k, folder / "brushes" / path.name)
-        sky = LevelSketch(120, 40, 10.0, ".", [], boundary="despawn")
+        sky = LevelSketch(120, 40, 10.0, ".", boundary="despawn")
         sky.document.data["tilesets"] = []
         count = len(self.there(k))
         side = float(np.clip(6.0 * np.sqrt(count), 20, 300))

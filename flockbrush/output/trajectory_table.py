@@ -68,3 +68,13 @@ def metadata_of(simulation, fps):
         "dt": simulation.clock.dt,
         "version": flockbrush.__version__,
     }
+
+
+def as_attribute(value):
+    """A value as files with 32-bit numbers can hold it: a larger whole number becomes a text."""
+    return str(value) if isinstance(value, int) and abs(value) >= 2**31 else value
+
+
+def quoted(text) -> str:
+    """A text as one field of a CSV."""
+    return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\r\n') else text

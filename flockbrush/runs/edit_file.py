@@ -22,15 +22,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import re
 from dataclasses import fields
 from pathlib import Path
 from typing import NamedTuple
 
-from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
+from flockbrush.behaviours.tomlfile import TomlFile, is_number, parse_toml, read_bytes
 from flockbrush.engine.files import write_bytes
-from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.levels.steps import UndoStack
 from flockbrush.runs.run_edits import ALWAYS, KINDS, Edit, Layer
 
@@ -172,7 +171,7 @@ def edits_of(recording) -> EditFile:
 def parse_edits(data: bytes, path) -> EditFile:
     """Edits from the bytes of a file; ProblemsError."""
     toml = parse_toml(data, str(path))
-    problems = _unknown(toml, (), toml.data, ("recording", "sha256", "order", "layers", "undone"))
+    problems = toml.unknown_names((), toml.data, ("recording", "sha256", "order", "layers", "undone"))
     sha256 = toml.data.get("sha256")
     if not isinstance(sha256, str) or not re.fullmatch("[0-9a-f]{64}", sha256):
         problems.append(toml.problem(("sha256",), "must be the SHA-256 of the recording, 64 hexadecimal digits"))
@@ -208,7 +207,7 @@ def _tables(toml, name, problems):
 
 
 def _layer(toml: TomlFile, at, table, problems):
-    problems += _unknown(toml, at, table, ("name", "on", "edits"))
+    problems += toml.unknown_names(at, table, ("name", "on", "edits"))
     name, on, edits = table.get("name"), table.get("on", True), table.get("edits", [])
     if not isinstance(name, str) or not name.strip():
         problems.append(toml.problem((*at, "name"), "a layer must have a name"))
@@ -229,14 +228,14 @@ def _edit(toml, at, table, problems) -> Edit | None:
     if kind not in KINDS:
         problems.append(toml.problem((*at, "kind"), f"must be one of {', '.join(KINDS)}, got {kind!r}"))
         return None
-    problems += _unknown(toml, at, table, ("kind", "ids", "start", "end", "because", *USES[kind]))
+    problems += toml.unknown_names(at, table, ("kind", "ids", "start", "end", "because", *USES[kind]))
     told = dict(table)
     try:
         told["ids"] = ids_of(table.get("ids"))
     except ValueError as error:
         problems.append(toml.problem((*at, "ids"), str(error)))
     for name, (low, high) in BOUNDS.items():
-        if name in told and not (_is_number(told[name]) and low <= told[name] <= high):
+        if name in told and not (is_number(told[name]) and low <= told[name] <= high):
             problems.append(toml.problem((*at, name), f"must be a number from {low:g} to {high:g}, got {told[name]!r}"))
     for name, count in (("by", 3), ("about", 2)):
         if name in told:
@@ -308,15 +307,5 @@ def _lines(edit: Edit):
     return lines
 
 
-def _unknown(toml, at, table, names):
-    return [
-        toml.problem((*at, name), f"unknown name{did_you_mean(name, names)}") for name in table if name not in names
-    ]
-
-
-def _is_number(value):
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def _is_point(value, count):
-    return isinstance(value, list) and len(value) == count and all(_is_number(v) and abs(v) <= FARTHEST for v in value)
+    return isinstance(value, list) and len(value) == count and all(is_number(v) and abs(v) <= FARTHEST for v in value)

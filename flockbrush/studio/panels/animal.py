@@ -6,7 +6,7 @@ import numpy as np
 import pygame
 from pygame_gui import UI_BUTTON_PRESSED
 from pygame_gui.core import ObjectID
-from pygame_gui.elements import UIButton, UILabel, UIScrollingContainer
+from pygame_gui.elements import UIButton, UILabel
 
 from flockbrush.components import (
     Airborne,
@@ -24,7 +24,7 @@ from flockbrush.components import (
 )
 from flockbrush.render.forces import reason_colour
 from flockbrush.studio.panels.bars import Bar, bars_picture
-from flockbrush.studio.panels.panel import Panel, Picture, blank, palette_of, write
+from flockbrush.studio.panels.panel import Picture, ScrollPanel, blank, palette_of, write
 from flockbrush.systems.explain import explain
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
@@ -35,7 +35,7 @@ from flockbrush.systems.senses import Sight, SightInSpace
 NOBODY = "No animal is selected.", "Click an animal with the Select tool to see", "its state and its forces here."
 
 
-class AnimalPanel(Panel):
+class AnimalPanel(ScrollPanel):
     """Shows the state of the selected animal and the forces on it."""
 
     title = "Animal"
@@ -46,18 +46,11 @@ class AnimalPanel(Panel):
     whom: object
 
     def make(self):
-        px, area = self.px, self.area
-        self.scroll = UIScrollingContainer(
-            pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
-            allow_scroll_x=False,
-        )  # fmt: skip
-        self.wide, self.row = self.inner, px(22)
+        super().make()
+        self.row = self.px(22)
         self.pictures, self.parts, self.buttons = {}, [], {}
         self.whom = self  # nobody yet
         self.refresh()
-
-    def close(self):
-        self.scroll.kill()
 
     def handle(self, event):
         if event.type != UI_BUTTON_PRESSED:

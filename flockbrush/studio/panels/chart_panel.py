@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 import pygame
-from pygame_gui.elements import UIScrollingContainer
 
-from flockbrush.studio.panels.panel import FRESH, Panel, Picture, blank, write
+from flockbrush.studio.panels.panel import FRESH, Picture, ScrollPanel, blank, write
 from flockbrush.studio.panels.panel_strip import Strip, axis_picture, end_of, strip_picture, top_of, value_at
 from flockbrush.systems.program_reports import state_colours
 
@@ -24,7 +23,7 @@ LINE = 19  # pixels of a line of words
 COUNTS_TIP = "Gone: left at an exit, a goal or the edge, were caught, or were removed"
 
 
-class ChartsPanel(Panel):
+class ChartsPanel(ScrollPanel):
     """Shows measures over the whole run, with the present marked."""
 
     title = "Charts"
@@ -32,12 +31,9 @@ class ChartsPanel(Panel):
     strips: dict[str, Picture]
 
     def make(self):
+        super().make()
         px, area = self.px, self.area
-        self.scroll = UIScrollingContainer(
-            pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
-            allow_scroll_x=False,
-        )  # fmt: skip
-        self.wide, y, gap, legend = self.inner, px(4), px(10), (MOST + 1) * px(LINE)
+        y, gap, legend = px(4), px(10), (MOST + 1) * px(LINE)
         room = area.height - px(46) - 3 * gap - legend - 2 * px(LINE)
         tall = int(min(max(room / 4.3, px(56)), px(120)))
         self.strips = {}
@@ -50,9 +46,6 @@ class ChartsPanel(Panel):
         self.scroll.set_scrollable_area_dimensions((self.wide, y))
         self.next = len(DRAWN) - 1
         self.refresh()
-
-    def close(self):
-        self.scroll.kill()
 
     def _strip(self, name, y, tall, tip) -> int:
         self.strips[name] = Picture(pygame.Rect(0, y, self.wide, tall), self.manager, self.scroll, tip)

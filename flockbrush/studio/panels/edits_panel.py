@@ -17,7 +17,6 @@ from pygame_gui.elements import (
     UICheckBox,
     UIDropDownMenu,
     UILabel,
-    UIScrollingContainer,
     UITextEntryLine,
 )
 
@@ -25,7 +24,7 @@ from flockbrush.runs.edit_file import sentence_of
 from flockbrush.runs.run_edits import ALWAYS
 from flockbrush.runs.snapshots import words_of
 from flockbrush.studio.forms import Form, FormRow, number
-from flockbrush.studio.panels.panel import Panel, fit
+from flockbrush.studio.panels.panel import ScrollPanel, fit
 
 CHOOSE, EVERYBODY, NEW = "Select all ...", "all animals", "new layer ..."
 SWITCHED = (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED)
@@ -63,22 +62,17 @@ CHANGES = {
 }  # fmt: skip
 
 
-class EditsPanel(Panel):
+class EditsPanel(ScrollPanel):
     """Shows the layers of edits, and makes edits of the selected animals."""
 
     title = "Edits"
     tip = "Edits of the recording: exports apply them, the recording itself is not changed"
 
     def make(self):
-        px, area = self.px, self.area
-        place = pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8))
-        self.scroll = UIScrollingContainer(place, self.manager, container=self.container, allow_scroll_x=False)
+        super().make()
         self.known = None
         self.parts: list = []
         self.refresh()
-
-    def close(self):
-        self.scroll.kill()
 
     @property
     def edits(self):

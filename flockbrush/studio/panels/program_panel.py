@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pygame
 from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED, UI_TEXT_ENTRY_FINISHED
-from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingContainer, UITextEntryLine
+from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UITextEntryLine
 
 from flockbrush.behaviours.program import SUFFIX, load_program, save_program, shipped_programs
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.studio.panels.panel import Panel, fit
+from flockbrush.studio.panels.panel import ScrollPanel, fit
 from flockbrush.studio.panels.program_form import cards_of, changed, with_state, with_trigger, without
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.program_commands import Event, GiveProgram, UseProgram, heard
@@ -19,22 +19,17 @@ from flockbrush.systems.programs import Programs
 from flockbrush.systems.undo import UseBrush
 
 
-class StatesPanel(Panel):
+class StatesPanel(ScrollPanel):
     """Shows one program and changes it by commands, which can be undone."""
 
     title = "States"
     tip = "Change the states of animals and the triggers between them while the herd runs"
 
     def make(self):
-        px, area = self.px, self.area
-        place = pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8))
-        self.scroll = UIScrollingContainer(place, self.manager, container=self.container, allow_scroll_x=False)
+        super().make()
         self.number, self.shown, self.parts, self.rows, self.buttons = 0, None, [], {}, {}
         self.counted: dict = {}
         self.refresh()
-
-    def close(self):
-        self.scroll.kill()
 
     # the world ---------------------------------------------------------------------
 

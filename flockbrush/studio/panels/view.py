@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pygame
 from pygame_gui import UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED, UI_DROP_DOWN_MENU_CHANGED
-from pygame_gui.elements import UICheckBox, UIDropDownMenu, UILabel, UIScrollingContainer
+from pygame_gui.elements import UICheckBox, UIDropDownMenu, UILabel
 
 from flockbrush.render.overlay_registry import OVERLAYS, load_overlays
 from flockbrush.render.style import PALETTES, THEMES
-from flockbrush.studio.panels.panel import Panel
+from flockbrush.studio.panels.panel import ScrollPanel
 
 ALWAYS = {
     "trails": ("Trails", "Path of each animal in the last seconds"),
@@ -23,19 +23,15 @@ AUTOMATIC = "automatic"
 SCALES = (0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 
 
-class ViewPanel(Panel):
+class ViewPanel(ScrollPanel):
     """Settings of overlays, camera, colours and text size."""
 
     title = "View"
     tip = "Overlays, camera, colours and text size"
 
     def make(self):
-        px, area = self.px, self.area
-        self.scroll = UIScrollingContainer(
-            pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
-            allow_scroll_x=False,
-        )  # fmt: skip
-        self.wide = self.inner
+        super().make()
+        px = self.px
         self.camera, self.boxes, y = {}, {}, self._head("Camera", 0)
         for name, (words, tip) in CAMERA.items():
             self.camera[name] = self._check(words, tip, y, self._camera_now(name))
@@ -58,9 +54,6 @@ class ViewPanel(Panel):
         self.scale = self._menu([AUTOMATIC, *map(said, SCALES)], self._scale_now(), y)
         y += px(38)
         self.scroll.set_scrollable_area_dimensions((self.wide, y))
-
-    def close(self):
-        self.scroll.kill()
 
     def refresh(self):
         for name, box in self.boxes.items():
