@@ -20,9 +20,9 @@ from flockbrush.behaviours.validation import validated
 from flockbrush.engine.problems import ProblemsError
 from pydantic import BaseModel, Field, model_validator
 
-STEPS = 8  # brushes between two, and one of them
+STEPS = 12  # brushes between two, and one of them
 PATH_SCHEMA = "flockbrush.path/1"
-_STEP = re.compile(r"([A-Za-z0-9_-]+)--([A-Za-z0-9_-]+)--([1-7])of8")
+_STEP = re.compile(r"([A-Za-z0-9_-]+)--([A-Za-z0-9_-]+)--[1-9][0-9]*of[0-9]+")
 Share = Annotated[Finite, Field(ge=0, le=1)]
 
 

@@ -6,7 +6,7 @@ For each path and herd size, on new seeds, it prints the largest change of polar
 largest deviation between seeds, the largest reversal (`flockbrush.studies.morph` says what chance explains), and a
 verdict: "even"; or "bistable", with both branches at one step, for herds that are swept along the way and back; or
 "uneven".  The same is printed for the straight line between the brushes with as many steps.  Start and duration of the
-runs come from the path.  Pairs without a shipped path get only the straight line, in eighths, as the options say.
+runs come from the path.  Pairs without a shipped path get only the straight line, in twelfths, as the options say.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def judged(start, end, path, trial, swept_herds, ways=WAYS):
         seen, words = measured(at, shares, trial, FIRST), "even"
         if faults(seen):
             swept = sweep(at, shares, replace(trial, seeds=swept_herds), FIRST)
-            words = verdict(swept, even=False) if swept.hysteresis else "uneven"
+            words = verdict(swept) if swept.hysteresis else "uneven"
         found[name] = seen, words
     return found
 
