@@ -53,11 +53,9 @@ from flockbrush.systems.senses import (
     Near,
     ObstaclesInSight,
     See,
-    SeeByHiddenPoints,
     SeeInSpace,
     SeeObstacles,
     Sight,
-    SightByHiddenPoints,
     SightInSpace,
 )
 from flockbrush.systems.spawning import INNER
@@ -142,7 +140,6 @@ def systems():
         Underfoot(),
         FindNeighbours(),
         See(),
-        SeeByHiddenPoints(),
         SeeObstacles(),
         SeeInSpace(),
         SeeAhead(),
@@ -198,7 +195,6 @@ def build(
         palette,
         Near(),
         Sight(),
-        SightByHiddenPoints(),
         ObstaclesInSight(),
         SightInSpace(),
         Ahead(),

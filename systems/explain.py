@@ -44,11 +44,9 @@ from flockbrush.systems.senses import (
     Near,
     ObstaclesInSight,
     See,
-    SeeByHiddenPoints,
     SeeInSpace,
     SeeObstacles,
     Sight,
-    SightByHiddenPoints,
     SightInSpace,
 )
 from flockbrush.systems.steer import AskModels, scene_of
@@ -140,9 +138,9 @@ def _surroundings(world, row):
     small.become(agents.ids[rows], columns, (), int(agents.ids[-1]) + 1)
     for kind in SHARED:
         small.insert(world.resource(kind))
-    for resource in (Near(), Sight(), SightByHiddenPoints(), ObstaclesInSight(), SightInSpace(), Ahead(), Noticed()):
+    for resource in (Near(), Sight(), ObstaclesInSight(), SightInSpace(), Ahead(), Noticed()):
         small.insert(resource)
-    perceive = (See(), SeeByHiddenPoints(), SeeObstacles(), SeeInSpace(), SeeAhead(), Notice())
+    perceive = (See(), SeeObstacles(), SeeInSpace(), SeeAhead(), Notice())
     for system in (Underfoot(), FindNeighbours(), *perceive, Roles(), BeAlarmed()):
         system.process(small)
     return small

@@ -203,7 +203,6 @@ class Palette:
         self.guided = column(lambda b: GUIDED.index(getattr(b.params, "guided", "front"))).astype(np.int64)
         self.guided_share = column(lambda b: getattr(b.params, "guided_share", 0.0))
         self.neighbour_range = column(lambda b: getattr(b.params, "neighbour_range", np.inf))  # body lengths
-        self.hidden_points = any(model.hidden_points for model in self.models)
         self.danger = column(lambda b: models[b.model].danger).astype(np.uint8)
         self.formation = column(lambda b: models[b.model].formation).astype(bool)
         flights = [
