@@ -24,6 +24,7 @@ from flockbrush.film.camera_maps import Steady, after, back, zoom_of
 from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, outlined, painted, read_colours
 from flockbrush.film.clip_reader import Clip, Say, open_clip, silent
 from flockbrush.film.flow import Flow, gap_of
+from flockbrush.film.landmarks import Landmark
 from flockbrush.film.masks import BodyColours, colours_of
 from flockbrush.film.measured_size import scaled, size_in, too_small
 from flockbrush.film.media import read_picture
@@ -33,7 +34,7 @@ from flockbrush.film.several_kinds import sizes_told, speeds_told
 from flockbrush.film.sightings import UNKNOWN, SightingNoise, sightings_of
 from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
-from flockbrush.film.stabilise import GroundLandmark, follow_landmarks, register
+from flockbrush.film.stabilise import follow_landmarks, register
 
 SPECK = 0.3  # of one animal's pixels: smaller patches are not animals
 HERD = 0.1  # share of the pictures that animals cover, above which the ground is tracked again without them
@@ -408,8 +409,8 @@ def _animals_in(clip, landmarks, body_colour, body_length_px, say):
     return _Looks(steady, colours, size, length, apart, plain + colours.notes + notes + too_small(clip, size))
 
 
-def _landmark(mark) -> GroundLandmark:
-    return mark if isinstance(mark, GroundLandmark) else GroundLandmark(int(mark[0]), *map(float, mark[1]))
+def _landmark(mark) -> Landmark:
+    return mark if isinstance(mark, Landmark) else Landmark(int(mark[0]), *map(float, mark[1]))
 
 
 def _steady(clip, landmarks, say):

@@ -16,6 +16,7 @@ import numpy as np
 
 from flockbrush.film.camera_maps import LOST, Steady, after, back, fitted, joined_tracks, moved_by, scaled_maps, zoom_of
 from flockbrush.film.clip_reader import Clip, Say, silent
+from flockbrush.film.landmarks import csrt
 from flockbrush.film.observations import CannotObserve
 
 SIDE = 640  # px, the longer side of the pictures in which corners are followed
@@ -31,21 +32,6 @@ SHOT = 8  # frames from which something can be learned
 ALIKE = 0.4  # correlation of what is in a rectangle with what was in it at first, below which it is lost
 _CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.02)
 _LK = dict(winSize=(15, 15), maxLevel=3, criteria=_CRITERIA, minEigThreshold=1e-4)
-
-
-@dataclass(frozen=True)
-class GroundLandmark:
-    """A rectangle on the ground, in one frame of a clip."""
-
-    frame: int  # its number
-    # x, y, w, h: left, top, width and height, pixels of the clip
-    x: float
-    y: float
-    w: float
-    h: float
-
-
-# similarities ----------------------------------------------------------------------------
 
 
 # by the ground ---------------------------------------------------------------------------
@@ -404,7 +390,7 @@ class _Track:
         return self
 
     def _go(self, rows):
-        tracker = _csrt()
+        tracker = csrt()
         tracker.init(self.pictures[self.row][1], self.rect)
         guess, misses = np.eye(2, 3), 0
         for k in rows:
@@ -468,14 +454,6 @@ class _Track:
         now = cv2.warpAffine(grey, after(m, np.array([[1.0, 0, x], [0, 1.0, y]])), (w, h), flags=flags)
         a, b = own - own.mean(), now - now.mean()
         return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-6))
-
-
-def _csrt():
-    """A CSRT tracker that is quick enough for two rectangles on two cores."""
-    params = cv2.TrackerCSRT_Params()
-    params.template_size = 120
-    params.number_of_scales = 17
-    return cv2.TrackerCSRT_create(params)
 
 
 def _to_box(guess, rect, box):
