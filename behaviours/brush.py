@@ -100,12 +100,12 @@ class Brush(Spec):
             data["params"] = params.model_validate(data.pop("parameters"), strict=True)
         if "body" not in data:
             data["body"] = usual_body(data.get("made_for") or ())
-        told = data.get("drives") or {}
-        if isinstance(told, dict):
+        drives = data.get("drives") or {}
+        if isinstance(drives, dict):
             known = _drives()
             data["drives"] = {name: known[name].Params.model_validate(table, strict=True)
                               if isinstance(table, dict) and name in known else table
-                              for name, table in told.items()}  # fmt: skip
+                              for name, table in drives.items()}  # fmt: skip
         return data
 
     @property
@@ -397,13 +397,13 @@ class BrushLibrary(FileLibrary):
 
     def problems(self) -> list[Problem]:
         """Everything that is wrong with any brush of the library."""
-        found = []
+        problems = []
         for name in self.names():
             try:
                 self.get(name)
             except ProblemsError as error:
-                found += error.problems
-        return found
+                problems += error.problems
+        return problems
 
 
 _PARSED: dict[tuple[str, bytes], tuple[Brush, Any]] = {}  # with the model it was checked by

@@ -106,13 +106,13 @@ def drives_of(brush, model) -> list[tuple[Drive, Any]]:
     Those that always act, or act on top of its model, come first, then those of the brush in the order of its file.
     """
     known = drives()
-    found = [
+    active = [
         (one, one.Params())
         for one in known.values()
         if (one.always or one.name in model.needs) and one.name not in brush.drives and one.name not in model.has
     ]
-    found += [(known[name], params) for name, params in brush.drives.items()]
-    return [(one, params) for one, params in found if params.strength > 0.0]
+    active += [(known[name], params) for name, params in brush.drives.items()]
+    return [(one, params) for one, params in active if params.strength > 0.0]
 
 
 def towards(velocity, wanted, most):

@@ -154,10 +154,10 @@ class Program(Spec):
 
     def references(self, what: str) -> list[str]:
         """Names of a kind ("region", "goal", "place", "species", "event") in its conditions, each once."""
-        found = (
+        names = (
             ref.name for t in self.triggers for part in t.when.walk() for ref in part.references() if ref.what == what
         )
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys(names))
 
     @property
     def events(self) -> list[str]:
@@ -166,8 +166,8 @@ class Program(Spec):
 
     def memories(self) -> list[Condition]:
         """Conditions that remember something, one for each thing remembered."""
-        found = {part.memory(): part for t in self.triggers for part in t.when.walk() if part.remembers}
-        return list(found.values())
+        conditions = {part.memory(): part for t in self.triggers for part in t.when.walk() if part.remembers}
+        return list(conditions.values())
 
     def __eq__(self, other):
         return isinstance(other, Program) and self.__dict__ == other.__dict__
@@ -277,9 +277,11 @@ def _validated(model, table, path):
     plain = {aliases.get(name, name): value for name, value in table.items() if name not in back}
     made, mistakes = validated(model, plain, path)
     names = [back.get(name, name) for name in model.model_fields]
-    told = [(_renamed(where, len(path), back), _respelt(where, path, message, names)) for where, message in mistakes]
-    told += [(path + (name,), f"unknown name; did you mean '{back[name]}'?") for name in hidden]
-    return (made if not told else None), told
+    problems = [
+        (_renamed(where, len(path), back), _respelt(where, path, message, names)) for where, message in mistakes
+    ]
+    problems += [(path + (name,), f"unknown name; did you mean '{back[name]}'?") for name in hidden]
+    return (made if not problems else None), problems
 
 
 def _respelt(where, path, message, names):

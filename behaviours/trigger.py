@@ -245,7 +245,7 @@ def _read_inner(kind, word, value, where, depth):
     if not isinstance(value, (list, tuple)) or not value:
         return None, [(where, f"must be an array of conditions, got {shown(value)}")]
     read = [read_condition(item, where + (k,), depth + 1) for k, item in enumerate(value)]
-    mistakes = [mistake for _, found in read for mistake in found]
+    mistakes = [mistake for _, wrong in read for mistake in wrong]
     return (None if mistakes else kind(**{field: tuple(part for part, _ in read)})), mistakes
 
 
@@ -300,8 +300,10 @@ def takes(field) -> str:
     words = str(bounds(field))
     kind = field.annotation
     named = {bool: "true or false", int: "a whole number", float: "a number", str: "a name"}
-    told = next((text for typ, text in named.items() if kind is typ or typ in typing.get_args(kind)), "a name or names")
-    return f"{told}, {words}" if words else told
+    description = next(
+        (text for typ, text in named.items() if kind is typ or typ in typing.get_args(kind)), "a name or names"
+    )
+    return f"{description}, {words}" if words else description
 
 
 def tables() -> str:

@@ -36,8 +36,8 @@ class Bounds(NamedTuple):
 
 def bounds(field: FieldInfo) -> Bounds:
     """The bounds of a pydantic field."""
-    found = {name: value for item in field.metadata for name, value in _bounds_in(item)}
-    return Bounds(found.get("ge"), found.get("le"), found.get("gt"), found.get("lt"))
+    limits = {name: value for item in field.metadata for name, value in _bounds_in(item)}
+    return Bounds(limits.get("ge"), limits.get("le"), limits.get("gt"), limits.get("lt"))
 
 
 def _bounds_in(item):
@@ -47,8 +47,8 @@ def _bounds_in(item):
 def unit(field: FieldInfo) -> str:
     """The unit of a field, "" when it has none."""
     extra = field.json_schema_extra
-    found = extra.get("unit") if isinstance(extra, dict) else None
-    return "" if found in (None, "", "1", "-") else str(found)
+    unit = extra.get("unit") if isinstance(extra, dict) else None
+    return "" if unit in (None, "", "1", "-") else str(unit)
 
 
 def meaning(field: FieldInfo) -> str:
@@ -95,14 +95,14 @@ def validated(model: type[Model], data: dict[str, Any], where: Key = ()) -> tupl
     """
     known, mistakes = _known(model, data, where)
     mistakes += _unfit(known, where)
-    told = {path for path, _ in mistakes}
+    reported = {path for path, _ in mistakes}
     made = None
     try:
         made = model.model_validate(_tuples(known), strict=True)
     except ValidationError as error:
         for item in error.errors(include_url=False):
             path = where + item["loc"]
-            if not any(path[: len(other)] == other for other in told):
+            if not any(path[: len(other)] == other for other in reported):
                 mistakes.append((path, _message(model, item)))
     return (made if not mistakes else None), mistakes
 

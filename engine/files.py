@@ -312,10 +312,10 @@ def private_folder() -> Path | None:
 def clear_leftovers(folder):
     """Remove the work folders of killed programs; what is in use, and what is not ours, stays."""
     try:
-        found = [Path(entry.path) for entry in os.scandir(folder) if _WORK.fullmatch(entry.name)]
+        leftovers = [Path(entry.path) for entry in os.scandir(folder) if _WORK.fullmatch(entry.name)]
     except OSError:
         return
-    for path in found:
+    for path in leftovers:
         _clear(path)
 
 

@@ -66,11 +66,11 @@ def _sources(name, without=()):
     folders, files = _places(name)
     others = [folder for package in without for folder in _places(package)[0]]
     stem = name.replace(".", "/")
-    found = [(file.name, file) for file in files]
+    sources = [(file.name, file) for file in files]
     for folder in folders:
         within = [path for path in folder.rglob("*.py") if not any(path.is_relative_to(other) for other in others)]
-        found += [(f"{stem}/{path.relative_to(folder).as_posix()}", path) for path in within]
-    return tuple(sorted((file, _digest(path)) for file, path in found))
+        sources += [(f"{stem}/{path.relative_to(folder).as_posix()}", path) for path in within]
+    return tuple(sorted((file, _digest(path)) for file, path in sources))
 
 
 def _places(name):
@@ -96,13 +96,13 @@ def _digest(path):
 
 def package_versions():
     """{name: version} of Python and of the packages that may change the bits of a run."""
-    found = {"python": platform.python_version()}
+    versions = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
-            found[name] = metadata.version(name)
+            versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
 def cpu():
@@ -125,11 +125,11 @@ def differing_files(there, here, own=None):
     there, here : dict of str to str
         `Build.sources` of the other build and of this one.
     own : collection of str, optional
-        First folders of files that count when they are only here; all of them unless told.
+        First folders of files that count when they are only here; all of them by default.
     """
-    found = [name if name in here else f"{name} (not here)" for name in there if here.get(name) != there[name]]
+    differing = [name if name in here else f"{name} (not here)" for name in there if here.get(name) != there[name]]
     new = [name for name in here if name not in there and (own is None or name.split("/")[0] in own)]
-    return sorted(found + [f"{name} (only here)" for name in new])
+    return sorted(differing + [f"{name} (only here)" for name in new])
 
 
 def differing_packages(there, here):

@@ -111,13 +111,13 @@ class Schedule:
 
     def ambiguities(self):
         """(name, name, shared) of systems of one stage of which one writes what the other touches."""
-        found = []
+        ambiguous = []
         for a, b in combinations(self.systems, 2):
             if a.stage == b.stage:
                 shared = _overlap(a.writes, (*b.reads, *b.writes)) | _overlap(b.writes, a.reads)
                 if shared:
-                    found.append((type(a).__name__, type(b).__name__, shared))
-        return found
+                    ambiguous.append((type(a).__name__, type(b).__name__, shared))
+        return ambiguous
 
     def undeclared_writes(self, world):
         """Run one tick and return (system, type) of each system that changed data it does not declare as written.
@@ -125,16 +125,16 @@ class Schedule:
         Slow, for tests.  It sees the columns of animals that live before and
         after the system, and resources with a ``state``.
         """
-        found = []
+        undeclared = []
         for system in self.systems:
             before = _watched(world)
             system.process(world)
             after = _watched(world)
             changed = [kind for kind in before if kind in after and _differ(before[kind], after[kind])]
             allowed = tuple(system.writes)
-            found += [(type(system).__name__, kind.__name__) for kind in changed if not issubclass(kind, allowed)]
+            undeclared += [(type(system).__name__, kind.__name__) for kind in changed if not issubclass(kind, allowed)]
         world.flush()
-        return found
+        return undeclared
 
 
 def _overlap(some, others):

@@ -63,15 +63,15 @@ def take(house, place):
 def _cpu_of(table):
     """The best processor of a table that this one can stand in for; None where there is none, or no table."""
     try:
-        told = json.loads(table.read_text(encoding="utf-8"))
+        names = json.loads(table.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    if told["kind"] != kind():
+    if names["kind"] != kind():
         return None
     import llvmlite.binding
 
     able = llvmlite.binding.get_host_cpu_features()
-    return next((cpu for cpu in CPUS if cpu in told["cpus"] and all(map(able.get, CPUS[cpu]))), None)
+    return next((cpu for cpu in CPUS if cpu in names["cpus"] and all(map(able.get, CPUS[cpu]))), None)
 
 
 def _copy(shipped, house, place):

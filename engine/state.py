@@ -226,7 +226,7 @@ def check_beginning(world, beginning, size):
         raise StateError("the snapshot is damaged: something is missing in it")
     others = sum(sizes.values()) - sum(sizes[name] for name in ("ids", *mine))
     if sizes["ids"] > 8 * limits.ANIMALS or others > limits.SNAPSHOT_OTHERS_BYTES:
-        raise StateError(f"the snapshot is damaged: it has more than {limits.ANIMALS.told}, or too much beside them")
+        raise StateError(f"the snapshot is damaged: it has more than {limits.ANIMALS.text}, or too much beside them")
     for field in _fields(world):
         if sizes[repr(field)] != sizes["ids"] // 8 * field.default.nbytes:
             raise StateError(f"the snapshot is damaged: column {field!r} has not one row for each agent")

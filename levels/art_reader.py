@@ -145,8 +145,8 @@ class ArtReader:
 
 def _tiles_of(art):
     """Global tile ids, without flags, that a layer draws."""
-    found = {thing.gid & int(_NO_FLAGS) for thing in art.objects}
-    return found if art.gids is None else found | set(np.unique(art.gids[art.gids > 0] & _NO_FLAGS).tolist())
+    gids = {thing.gid & int(_NO_FLAGS) for thing in art.objects}
+    return gids if art.gids is None else gids | set(np.unique(art.gids[art.gids > 0] & _NO_FLAGS).tolist())
 
 
 def _is_note(name):

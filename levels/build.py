@@ -172,7 +172,7 @@ def build(
         So many animals in all, instead of the level's counts; spawn areas are scaled so that density stays, and
         the map grows where they would not fit.
     library : BrushLibrary, optional
-        Where brushes are looked up; the shipped ones unless told.
+        Where brushes are looked up; the shipped ones by default.
     shuffle_seed : int, optional
         Shuffle systems inside their stages: a test that order does not matter.
 
@@ -214,11 +214,11 @@ def _palette(level, library):
     brushes, over, paths = [library.get(name) for name in brushes_used(level)], mixed_brushes(level), {}
     level.paths = {}
     for start, end in itertools.product(brushes, over):
-        found = path_between(library, start.name, end) if start.name != end else None
-        if found is not None:
+        path = path_between(library, start.name, end) if start.name != end else None
+        if path is not None:
             file, source = library.path_between(start.name, end)
             level.paths[f"brushes/{file}"] = source
-            paths[start.name, end] = found
+            paths[start.name, end] = path
     return Palette(brushes, over, paths)
 
 

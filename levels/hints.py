@@ -71,9 +71,9 @@ def mixing_hints(level, places, library, place):
         here = places[thing.id] if hasattr(thing, "polygon") else place
         for start in sorted({spawn.brush for spawn in level.spawns}):
             for end in getattr(thing, "assets", [getattr(thing, "brush", None)]):
-                told = "" if end in (None, start) else _mixing_hint(library, start, end)
-                if told:
-                    here.warn(f"{thing.name!r}: {told}")
+                hint = "" if end in (None, start) else _mixing_hint(library, start, end)
+                if hint:
+                    here.warn(f"{thing.name!r}: {hint}")
 
 
 def _mixing_hint(library, start, end):

@@ -195,18 +195,18 @@ class ObjectReader:
                 place.say(f"corners can only be used with shape 'hull', and shape is {shape!r}")
             return None
         try:
-            told = [[float(word) for word in corner.replace(",", " ").split()] for corner in text.split(";")]
-            if not 4 <= len(told) <= MOST_CORNERS or any(len(corner) != 3 for corner in told):
+            parsed = [[float(word) for word in corner.replace(",", " ").split()] for corner in text.split(";")]
+            if not 4 <= len(parsed) <= MOST_CORNERS or any(len(corner) != 3 for corner in parsed):
                 raise ValueError(f"4 to {MOST_CORNERS} corners of three numbers each are needed")
-            if not np.abs(told).max() <= FAR:
+            if not np.abs(parsed).max() <= FAR:
                 raise ValueError(f"coordinates must be at most {FAR:g} m")
-            polyhedron(told)
+            polyhedron(parsed)
         except ValueError as error:
             place.say(
                 f"corners of a hull must be 'east north up; east north up; ...' in m, such as {A_PYRAMID!r}: {error}"
             )
             return None
-        return np.array(told)
+        return np.array(parsed)
 
     def guide(self, number, name, shape, v, place):
         self.level.guides.append(Guide(number, name, shape[1], **v))
@@ -225,13 +225,13 @@ class ObjectReader:
         self.level.zones.append(Zone.of(number, name, shape[1], {**v, "brush": brush}))
 
     def spawn(self, number, name, shape, v, place):
-        told = dict(v)
-        told["brush"] = self.brush(v, place) if "brush" in v.given else ""
-        told["count"] = self.count(shape[1], v, place)
-        told |= {"speed": v["speed"] or None, "body_length": v["body_length"] or None}
-        told["program"] = self.reader.program(v["program"], place, v.lines.get("program"))
-        del told["density"]
-        self.level.spawns.append(Spawn(number, name, shape[1], **told))
+        values = dict(v)
+        values["brush"] = self.brush(v, place) if "brush" in v.given else ""
+        values["count"] = self.count(shape[1], v, place)
+        values |= {"speed": v["speed"] or None, "body_length": v["body_length"] or None}
+        values["program"] = self.reader.program(v["program"], place, v.lines.get("program"))
+        del values["density"]
+        self.level.spawns.append(Spawn(number, name, shape[1], **values))
 
     def count(self, polygon, v, place):
         """How many animals: as counted, or from the density."""

@@ -220,7 +220,7 @@ class LevelReader:
             if tileset is None and self.tiles.lost:
                 continue
             iy, ix = (int(k[0]) for k in np.nonzero(gids == gid))
-            found = (
+            tiles = (
                 f"it is a {tile.cls} tile"
                 if tile and tile.cls
                 else "it has no class"
@@ -228,7 +228,7 @@ class LevelReader:
                 else "no tileset has it"
             )
             where = f"column {ix}, row {len(gids) - 1 - iy}"
-            layer.place.say(f"tile id {gid} at {where} must be a {cls} tile, but {found}")
+            layer.place.say(f"tile id {gid} at {where} must be a {cls} tile, but {tiles}")
         return used
 
     def paint_terrain(self, level, gids, used, layer):

@@ -82,9 +82,9 @@ def _first_level(path, library):
     sketch.draw("Goal", [(34, 27)], "gate", radius=5, on_arrive="despawn")
     sketch.box("Exit", 34, 27.5, 12, 5, "gate")
     brush = "march" if "march" in names else names[0]
-    told = {"species": "sheep", "brush": brush, "heading": "east"}
-    sketch.box("Spawn", 8, 8, 12, 10, "herd", count=60, **told)
-    sketch.box("Spawn", 3, 8, 4, 8, "latecomers", rate=5, start=8, **told)
+    shared = {"species": "sheep", "brush": brush, "heading": "east"}
+    sketch.box("Spawn", 8, 8, 12, 10, "herd", count=60, **shared)
+    sketch.box("Spawn", 3, 8, 4, 8, "latecomers", rate=5, start=8, **shared)
     _notes(sketch)
     return sketch.save(path)
 
@@ -273,12 +273,12 @@ def tileset(name, tiles, shape) -> dict:
 
 def _tile(number, cls, values):
     known = {p.name: p for p in CLASSES[cls].properties}
-    told = [
+    properties = [
         {**_member(known[k], "propertytype"), "value": _argb(v) if known[k].kind == "colour" else v}
         for k, v in sorted(values.items())
         if v != known[k].default
     ]
-    return {"id": number, "properties": told, "type": cls}
+    return {"id": number, "properties": properties, "type": cls}
 
 
 if __name__ == "__main__":  # the project that comes with Flockbrush

@@ -95,7 +95,7 @@ class DrawGuide(OfThing):
         apart = len(points) > 1 and (points != points[0]).any()
         need(apart, f"a guide needs at least two different points, got {len(points)}")
         need(len(points) <= 2000, f"a guide has at most 2000 points, got {len(points)}")
-        check_told(self, Guide)
+        check_bounds(self, Guide)
         if self.goal:
             goal_index(land, self.goal)
         check_on_map(land, points, "the guide")
@@ -105,7 +105,7 @@ class DrawGuide(OfThing):
 
     def apply(self, world):
         land = world.resource(Landscape)
-        put_thing(land.guides, Guide(self.id, self.name, line_of(self.points), **told(self, Guide)), self.at)
+        put_thing(land.guides, Guide(self.id, self.name, line_of(self.points), **settings_of(self, Guide)), self.at)
         land.navigate()
 
 
@@ -134,7 +134,7 @@ class PlaceGoal(OfThing):
         there = self.there(land)
         others = [goal.name for k, goal in enumerate(land.goals) if k != there]
         need(self.name not in others, f"a goal named {self.name!r} already exists")
-        check_told(self, Goal)
+        check_bounds(self, Goal)
         inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
         need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
         names = [*others, self.name]
@@ -162,7 +162,7 @@ class PlaceGoal(OfThing):
         polygon = polygon_of(self.points, "a goal") if self.points else None
         if self.points == [] and there is not None and land.goals[there].polygon is not None:
             polygon = land.goals[there].polygon + (xy - land.goals[there].xy)
-        goal = Goal(self.id, self.name, xy, **told(self, Goal), polygon=polygon)
+        goal = Goal(self.id, self.name, xy, **settings_of(self, Goal), polygon=polygon)
         if there is not None:
             land.goals[there] = goal
         else:
@@ -257,7 +257,7 @@ class MarkSpawn(OfThing):
         need(0 <= self.count <= MOST, f"count must be 0 to {MOST}, got {self.count}")
         need(self.count or self.rate, "count must be at least 1, got 0")
         need(self.species, "a species needs a name")
-        check_told(self, Spawn, ("formation", "start", "rate", "altitude", "depth"))
+        check_bounds(self, Spawn, ("formation", "start", "rate", "altitude", "depth"))
         need(self.speed is None or 0 <= self.speed <= 1000, f"speed must be 0 to 1000 m/s, got {self.speed}")
         need(self.heading is None or abs(self.heading) <= FAR, f"heading is in radians, got {self.heading}")
         size = self.body_length
@@ -300,7 +300,7 @@ class MarkSpawn(OfThing):
         """The spawn as the world keeps it."""
         now = world.resource(Clock).now
         since = self.since if self.since is not None else now if before is None else before.since
-        return Spawn(self.id, self.name, polygon_of(self.points, "a spawn"), **told(self, Spawn), since=since)
+        return Spawn(self.id, self.name, polygon_of(self.points, "a spawn"), **settings_of(self, Spawn), since=since)
 
 
 # taking things away -------------------------------------------------------------------
@@ -387,12 +387,12 @@ def away_by_id(kind):
 
 
 def _draw_guide(g, at):
-    return DrawGuide(g.id, g.name, g.points.tolist(), **told(g, Guide), at=at)
+    return DrawGuide(g.id, g.name, g.points.tolist(), **settings_of(g, Guide), at=at)
 
 
 def _place_goal(g, at):
     points = None if g.polygon is None else g.polygon.tolist()
-    return PlaceGoal(g.id, g.name, *g.xy.tolist(), **told(g, Goal), points=points, at=at)
+    return PlaceGoal(g.id, g.name, *g.xy.tolist(), **settings_of(g, Goal), points=points, at=at)
 
 
 def _place_exit(e, at):
@@ -400,8 +400,8 @@ def _place_exit(e, at):
 
 
 def _mark_spawn(s, at):
-    told = {name: value for name, value in vars(s).items() if name != "polygon"}
-    return MarkSpawn(**told, points=s.polygon.tolist(), at=at)
+    properties = {name: value for name, value in vars(s).items() if name != "polygon"}
+    return MarkSpawn(**properties, points=s.polygon.tolist(), at=at)
 
 
 KINDS |= {
@@ -427,12 +427,12 @@ def _thing_box(things, number, points):
     return mine if there is None else around(mine, box_of(things[there].polygon))
 
 
-def told(thing, kind):
+def settings_of(thing, kind):
     """{name: value} of what a designer may set of this kind of thing, from a thing or a command."""
     return {known.name: getattr(thing, known.name) for known in properties_of(kind)}
 
 
-def check_told(command, kind, names=None):
+def check_bounds(command, kind, names=None):
     """ValueError when something is out of the bounds that it has in a level; of these names alone, if told."""
     for known in properties_of(kind):
         if names is None or known.name in names:

@@ -105,13 +105,17 @@ def explain(world, entity) -> Explanation:
         When it is not alive.
     """
     row = world.agents.row(entity)
-    told = reason(world, row) if world.has(Programs) else None
+    program_reason = reason(world, row) if world.has(Programs) else None
     small = _surroundings(world, row)
     try:
-        found = _explained(small, entity)
+        explained = _explained(small, entity)
     finally:
         small.close()
-    return found if told is None else replace(found, program=told[0], state=told[1], why=told[2])
+    return (
+        explained
+        if program_reason is None
+        else replace(explained, program=program_reason[0], state=program_reason[1], why=program_reason[2])
+    )
 
 
 def _surroundings(world, row):
@@ -199,9 +203,9 @@ def _reasons(palette, agents, scene, row, own):
         agents[column][row] for column in (BrushBinding.brush, BrushBinding.previous, BrushBinding.blend)
     )
     says = palette.exact[brush]  # its velocity is not mixed with another's
-    told = _blended(palette, scene, row, brush, previous, 1.0 if says else blend)
-    if told:
-        return told
+    reasons = _blended(palette, scene, row, brush, previous, 1.0 if says else blend)
+    if reasons:
+        return reasons
     heading = scene.velocity[row].copy() if scene.velocity[row].any() else scene.forward[row].copy()
     return {"heading": heading, palette.brushes[brush].model: own - heading}
 
@@ -216,16 +220,16 @@ def _with_drives(palette, agents, aloft, scene, row, own, reasons):
     velocity, shares = scene.velocity[row], taken.share[:, 0]
     size = np.sqrt((sum(reasons.values()) ** 2).sum())  # models tell directions; drives ask for velocities
     scale = (1.0 - total) * np.sqrt((own**2).sum()) / max(size, 1e-12)
-    told = {name: scale * vector for name, vector in reasons.items()}
+    combined = {name: scale * vector for name, vector in reasons.items()}
     for name, share, wish in zip(taken.names, shares.tolist(), taken.acceleration[:, 0], strict=True):
-        told[name] = told.get(name, 0.0) + share * (velocity + TAKES_UP * wish)
-    wanted, now = sum(told.values()), _own_wish(agents, aloft, scene, row)
+        combined[name] = combined.get(name, 0.0) + share * (velocity + TAKES_UP * wish)
+    wanted, now = sum(combined.values()), _own_wish(agents, aloft, scene, row)
     if aloft[row] and agents[Thrust.kind][row] == BY_VELOCITY:  # only so far towards it in one tick
         far = np.sqrt(((wanted - velocity) ** 2).sum())
         part = min(np.sqrt(((now - velocity) ** 2).sum()) / max(far, 1e-12), 1.0)
-        told = {name: part * vector for name, vector in told.items()}
-        told["heading"] = told.get("heading", 0.0) + (1.0 - part) * velocity
-    return told, dict(zip(taken.names, shares.tolist(), strict=True))
+        combined = {name: part * vector for name, vector in combined.items()}
+        combined["heading"] = combined.get("heading", 0.0) + (1.0 - part) * velocity
+    return combined, dict(zip(taken.names, shares.tolist(), strict=True))
 
 
 def _unit(vector):
@@ -239,8 +243,8 @@ def _blended(palette, scene, row, brush, previous, blend):
         model = palette.models[index]
         if model.explain is None:
             return {}
-        told = model.explain(scene, row, palette.brushes[index].params)
-        answers.append({name: np.append(vector, [0.0] * (3 - len(vector))) for name, vector in told.items()})
+        vectors = model.explain(scene, row, palette.brushes[index].params)
+        answers.append({name: np.append(vector, [0.0] * (3 - len(vector))) for name, vector in vectors.items()})
     if len(answers) == 1:
         return answers[0]
     weight = blend * blend * (3.0 - 2.0 * blend)  # as `flockbrush.systems.steer` mixes

@@ -25,10 +25,10 @@ class Nursery:
 
     spawns: list[Spawn] = field(default_factory=list)
     born: list[int] = field(default_factory=list)
-    _told: tuple = ([], b"[]")  # the spawns once put into words, for it is asked for in every tick
+    _cached: tuple = ([], b"[]")  # the spawns once put into words, for it is asked for in every tick
 
     def put(self, spawn, born=0, at=None):
-        """Add a spawn that has brought so many already, behind the others unless told where."""
+        """Add a spawn that has brought so many already, behind the others by default where."""
         at = len(self.spawns) if at is None else at
         self.spawns.insert(at, spawn)
         self.born.insert(at, born)
@@ -39,11 +39,11 @@ class Nursery:
 
     def state(self):
         """What of it belongs to the state of the world (see `flockbrush.engine.state.state_hash`)."""
-        known = self._told[0]
+        known = self._cached[0]
         if len(known) != len(self.spawns) or any(a is not b for a, b in zip(known, self.spawns, strict=True)):
             plain = [_plain(spawn) for spawn in self.spawns]
-            self._told = list(self.spawns), json.dumps(plain).encode()
-        return np.array([len(self.born), *self.born], np.int64).tobytes() + self._told[1]
+            self._cached = list(self.spawns), json.dumps(plain).encode()
+        return np.array([len(self.born), *self.born], np.int64).tobytes() + self._cached[1]
 
     def set_state(self, data):
         """Put back what `state` gave."""
@@ -51,9 +51,9 @@ class Nursery:
         end = 8 + 8 * count
         self.born = np.frombuffer(data[8:end], np.int64).tolist()
         self.state()
-        if bytes(data[end:]) != self._told[1]:
-            told = [{**spawn, "polygon": np.array(spawn["polygon"], float)} for spawn in json.loads(data[end:])]
-            self.spawns = [Spawn(**spawn) for spawn in told]
+        if bytes(data[end:]) != self._cached[1]:
+            spawns = [{**spawn, "polygon": np.array(spawn["polygon"], float)} for spawn in json.loads(data[end:])]
+            self.spawns = [Spawn(**spawn) for spawn in spawns]
 
 
 _ORDER = (  # of fields in the state: its hash depends on it
@@ -64,8 +64,8 @@ _ORDER = (  # of fields in the state: its hash depends on it
 
 def _plain(spawn):
     """A spawn as JSON has it; one without a program as it was before there were any."""
-    told = {name: getattr(spawn, name) for name in _ORDER} | {"polygon": spawn.polygon.tolist()}
-    return told if spawn.program else {name: value for name, value in told.items() if name != "program"}
+    values = {name: getattr(spawn, name) for name in _ORDER} | {"polygon": spawn.polygon.tolist()}
+    return values if spawn.program else {name: value for name, value in values.items() if name != "program"}
 
 
 REACH = 0.25  # body lengths from body to body: so near a hunter catches its prey

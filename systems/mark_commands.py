@@ -63,8 +63,8 @@ class DrawZone(OfThing):
 
     def zone(self):
         """The zone as the landscape keeps it; ValueError when the points are no outline."""
-        told = {known.name: getattr(self, known.name) for known in ZONE}
-        return Zone.of(self.id, self.name, polygon_of(self.points, "a zone"), told)
+        properties = {known.name: getattr(self, known.name) for known in ZONE}
+        return Zone.of(self.id, self.name, polygon_of(self.points, "a zone"), properties)
 
     def ground_box(self, world):
         return "all"
@@ -175,7 +175,7 @@ def _check_free(land, mine):
 
 
 def _draw_zone(zone, at):
-    return DrawZone(zone.id, zone.name, zone.polygon.tolist(), **zone.told(), at=at)
+    return DrawZone(zone.id, zone.name, zone.polygon.tolist(), **zone.properties(), at=at)
 
 
 def _draw_line(line, at):

@@ -78,9 +78,9 @@ class Palette:
     def steps_to(self, name):
         """Index of the first of the brushes between others and this one that `mix` made; None if they are not last."""
         ends = {step_name(start.name, name, k) for start in self.own for k in range(1, STEPS)}
-        found = [k for k, brush in enumerate(self.brushes) if brush.name in ends]
-        first = found[0] if found else len(self)
-        return first if name in self._brought[0] and found == list(range(first, len(self))) else None
+        indices = [k for k, brush in enumerate(self.brushes) if brush.name in ends]
+        first = indices[0] if indices else len(self)
+        return first if name in self._brought[0] and indices == list(range(first, len(self))) else None
 
     def unmix(self, name, files):
         """Take back `mix`, of brushes that stand last in the palette (`steps_to`)."""
@@ -146,12 +146,12 @@ class Palette:
     def set_state(self, data):
         """Take back what `state` gave."""
         before = {b.name: b for b in self.brushes}
-        self.brushes, self.index, told = [], {}, json.loads(data)
-        if isinstance(told, list):  # nothing was mixed but what the level asked for
-            told = {"brushes": told, "mixed": [], "paths": {}}
-        self._brought = dict.fromkeys(told["mixed"]), told["paths"]
+        self.brushes, self.index, saved = [], {}, json.loads(data)
+        if isinstance(saved, list):  # nothing was mixed but what the level asked for
+            saved = {"brushes": saved, "mixed": [], "paths": {}}
+        self._brought = dict.fromkeys(saved["mixed"]), saved["paths"]
         self._know()
-        for name, source in told["brushes"]:
+        for name, source in saved["brushes"]:
             same = name in before and before[name].source.decode() == source
             self._put(before[name] if same else load_brush(source.encode(), f"{name}.brush.toml"))
         self._tabulate()

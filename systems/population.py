@@ -140,9 +140,9 @@ def _individuals(species, noise, stream, tick, number):
     """
     if species is None:
         return (np.ones(len(number)),) * 3
-    told = species.spread
+    spread = species.spread
     chance = np.clip(noise.normal(stream + " individual", tick, number, 3), -CUT, CUT)
-    size, pace, boldness = 1.0 + chance.T * np.array([[told.size], [told.speed], [told.boldness]])
+    size, pace, boldness = 1.0 + chance.T * np.array([[spread.size], [spread.speed], [spread.boldness]])
     return size, pace / size, boldness
 
 

@@ -130,29 +130,29 @@ class Programs:
     def state(self):
         """Everything in it that changes while the world runs, and the programs, which commands may change."""
         known = None if self.known is None else [_packed(column) for column in self.known]
-        told = {
+        saved = {
             "programs": [[p.name, p.source.decode()] for p in self.programs],
             "events": [[e.name, list(e.xyz), None if math.isinf(e.reach) else e.reach, e.entity] for e in self.events],
             "transitions": {name: matrix.tolist() for name, matrix in self.transitions.items()},
             "known": known,
         }
-        return json.dumps(told).encode()
+        return json.dumps(saved).encode()
 
     def set_state(self, data):
         """Take back what `state` gave."""
-        told = json.loads(data)
+        saved = json.loads(data)
         before = {program.name: program for program in self.programs}
         self.programs, self.compiled, self.transitions = [], [], {}
-        for name, source in told["programs"]:
+        for name, source in saved["programs"]:
             same = name in before and before[name].source.decode() == source
             self.put(before[name] if same else load_program(source.encode(), f"{name}.program.toml"))
-        for name, matrix in told["transitions"].items():
+        for name, matrix in saved["transitions"].items():
             self.transitions[name] = np.array(matrix, np.int64).reshape(self.transitions[name].shape)
         self.events = [
             Happening(name, tuple(xyz), math.inf if reach is None else reach, entity)
-            for name, xyz, reach, entity in told["events"]
+            for name, xyz, reach, entity in saved["events"]
         ]
-        known = told["known"]
+        known = saved["known"]
         shapes = (np.int64, (-1,)), (np.float64, (-1, 3)), (np.int32, (-1,))
         self.known = known and tuple(
             np.frombuffer(base64.b64decode(text), kind).reshape(shape)

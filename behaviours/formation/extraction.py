@@ -78,15 +78,15 @@ def extract_frame(x, y, frame="0", birds=None, samples=None, seed=0) -> FrameSha
     x, y, known = x[order], y[order], tuple(names[k] for k in order)
     gaps = np.diff(x)
     spacing = (float(gaps.mean()), float(gaps.std())) if len(gaps) else (0.0, 0.0)
-    leader, found, why = _look(x, y, samples, seed)
+    leader, fitted, why = _look(x, y, samples, seed)
     x, y = x - x[leader], y - y[leader]
     curve, deviation, kind = None, (0.0, 0.0), "none"
     outliers: tuple[int, ...] = ()
-    if found is not None:
-        curve = found.curve
-        kind, why = _kind(curve.model, x[found.inlier])
-        outliers = tuple(np.flatnonzero(~found.inlier).tolist())
-        rest = (y - curve.y(x))[found.inlier]
+    if fitted is not None:
+        curve = fitted.curve
+        kind, why = _kind(curve.model, x[fitted.inlier])
+        outliers = tuple(np.flatnonzero(~fitted.inlier).tolist())
+        rest = (y - curve.y(x))[fitted.inlier]
         deviation = (float(rest.mean()), float(rest.std()))
     return FrameShape(
         str(frame), known, tuple(x.tolist()), tuple(y.tolist()), int(leader), kind, why, curve, outliers, spacing,
@@ -139,8 +139,8 @@ def led(x, y, samples=None, seed=0) -> Led | None:
 
 def _cheapest(x, y, samples, seed):
     models = ("line", "v", "parabola") if len(x) > 4 else ("line",)
-    fits = [found for model in models if (found := fit(model, x, y, TOLERANCE, samples, seed)) is not None]
-    return min(fits, key=lambda found: found.cost) if fits else None
+    fits = [candidate for model in models if (candidate := fit(model, x, y, TOLERANCE, samples, seed)) is not None]
+    return min(fits, key=lambda candidate: candidate.cost) if fits else None
 
 
 def _refusal(x, y, seen, samples, seed):
@@ -158,7 +158,7 @@ def _refusal(x, y, seen, samples, seed):
     turned = (
         [fit(model, x, y, TOLERANCE, samples, seed, upside_down=True) for model in ("v", "parabola")] if n > 4 else []
     )
-    cheaper = [found for found in turned if found is not None and found.cost < seen.cost - 1.0]
+    cheaper = [candidate for candidate in turned if candidate is not None and candidate.cost < seen.cost - 1.0]
     if cheaper and (~cheaper[0].inlier).sum() <= allowed(n):
         return "it opens forward: an inverted V or U"
     if out > allowed(n):

@@ -102,10 +102,10 @@ class FrameShape:
     @property
     def roles(self) -> dict[str, str]:
         """Special roles by bird: leader, outlier, straggler (in line, but far from everybody)."""
-        found = {self.birds[k]: "straggler" for k in self.stragglers}
-        found |= {self.birds[k]: "outlier" for k in self.outliers}
-        found[self.birds[self.leader]] = "leader"
-        return found
+        roles = {self.birds[k]: "straggler" for k in self.stragglers}
+        roles |= {self.birds[k]: "outlier" for k in self.outliers}
+        roles[self.birds[self.leader]] = "leader"
+        return roles
 
     @property
     def stragglers(self) -> tuple[int, ...]:

@@ -34,7 +34,7 @@ def read_marks(
         left alone, but a ``wingspan_px`` is used.
     heading : str, optional
         The way they fly across the picture: up, down, left, right, degrees counter-clockwise from the right, or
-        ``auto``: the one under which their shape is the plainest.  Unless told, auto for marks in pixels and up for
+        ``auto``: the one under which their shape is the plainest.  By default, auto for marks in pixels and up for
         marks in wingspans.
     wingspan : float, optional
         Pixels.
@@ -98,17 +98,17 @@ def _table(path, name):
 def _columns(header, name):
     """Which column holds what."""
     lowered = [cell.lower() for cell in header]
-    found = {"pixels": True, "x": -1, "y": -1}
+    columns = {"pixels": True, "x": -1, "y": -1}
     for pair in (PIXELS[0], *WINGSPANS, PIXELS[1]):  # plain x, y last: beside x_b they are metres
         if pair[0] in lowered and pair[1] in lowered:
-            found.update(x=lowered.index(pair[0]), y=lowered.index(pair[1]), pixels=pair not in WINGSPANS)
+            columns.update(x=lowered.index(pair[0]), y=lowered.index(pair[1]), pixels=pair not in WINGSPANS)
             break
-    if found["x"] < 0:
+    if columns["x"] < 0:
         near = did_you_mean("x_px", header)
         raise ProblemsError([Problem(name, 1, None, f"needs columns x_px and y_px, or x_b and y_b{near}")])
     for key, names in (("frame", FRAME), ("bird", BIRD), ("span", ("wingspan_px",))):
-        found[key] = next((lowered.index(n) for n in names if n in lowered), -1)
-    return found
+        columns[key] = next((lowered.index(n) for n in names if n in lowered), -1)
+    return columns
 
 
 def _numbers(rows, at, name, header):
@@ -220,7 +220,7 @@ def guess_heading(points, name="marks"):
 
 def _ways(points, turns):
     """(cost, degrees) of each way whose cheapest curve opens backward."""
-    found = []
+    candidates = []
     for turn in turns:
         c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
         x, y = points[:, 0] * s - points[:, 1] * c, points[:, 0] * c + points[:, 1] * s
@@ -234,5 +234,5 @@ def _ways(points, turns):
             continue
         tilt = np.arctan(numbers)
         unequal = abs(tilt[0] - tilt[1]) if best.seen.curve.model == "v" else abs(tilt[0])
-        found.append((best.cost + UNEQUAL * unequal, float(turn)))
-    return found
+        candidates.append((best.cost + UNEQUAL * unequal, float(turn)))
+    return candidates

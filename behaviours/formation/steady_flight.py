@@ -112,7 +112,7 @@ class SteadyFlight:
     seed : int
         Same seed, same flight.
     left : int, optional
-        How many fly to the left of the leader; as in the example unless told.
+        How many fly to the left of the leader; as in the example by default.
     exchange : bool
         Left and right of the example exchanged, before anything else.
 

@@ -67,10 +67,10 @@ def _check(house, levels, cpus):
         find_level(level)
     for cpu in cpus:
         if cpu not in CPUS or shipped_kernels.machine() != "x86_64":
-            told = (
+            message = (
                 f"kernels can be compiled for {', '.join(CPUS)} on x86_64, got {cpu!r} on {shipped_kernels.machine()}"
             )
-            raise typer.BadParameter(told, param_hint="--cpu")
+            raise typer.BadParameter(message, param_hint="--cpu")
 
 
 def _plain_wheel(house, work):

@@ -145,30 +145,30 @@ def _values(job, kind, words):
         return {"seconds": job.delay}
     if kind != "look":
         return {}
-    told = {}
+    values = {}
     for text in job.look or []:
         name, mark, value = text.partition("=")
         if name not in LOOKS or not mark:
             raise refused("--look", f"must be brush=NAME, species=NAME or size=FACTOR, got {text!r}")
         if name == "size":
-            told[name] = _numbers("--look size", value, (1,))[0]
-            if not 0.01 <= told[name] <= 100:
+            values[name] = _numbers("--look size", value, (1,))[0]
+            if not 0.01 <= values[name] <= 100:
                 raise refused("--look size", f"must be 0.01 to 100, got {value}")
         elif value not in words[name]:
             raise refused("--look", f"there is no {name} {value!r} in this run; it has {', '.join(words[name])}")
         else:
-            told[name] = value
-    return told
+            values[name] = value
+    return values
 
 
 def _numbers(option, text, counts):
     try:
-        found = [float(part) for part in text.split(",")]
+        numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        found = []
-    if len(found) not in counts or not all(np.isfinite(found)) or max(map(abs, found)) > 1e6:
+        numbers = []
+    if len(numbers) not in counts or not all(np.isfinite(numbers)) or max(map(abs, numbers)) > 1e6:
         raise refused(option, f"must be {' or '.join(map(str, counts))} numbers separated by commas, got {text!r}")
-    return found
+    return numbers
 
 
 def _managed(job, file: EditFile):

@@ -44,7 +44,7 @@ def detect(paths, out, every, json):
         for line in lost[:20]:
             say(line)
         frames = len({row[0] for row in rows})
-        found = {
+        summary = {
             "frames": frames,
             "birds": len(rows) // frames,
             "wingspan_px": span,
@@ -52,9 +52,9 @@ def detect(paths, out, every, json):
             "out": str(out),
         }
         if json:
-            print_json(found)
+            print_json(summary)
         else:
-            say(f"{found['birds']} birds in {frames} frames, wingspan about {span:.1f} pixels: {out}")
+            say(f"{summary['birds']} birds in {frames} frames, wingspan about {span:.1f} pixels: {out}")
 
 
 def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):

@@ -68,15 +68,15 @@ def run_level(job: RunRequest, options):
 
 def _out_of_sync(job, simulation, error):
     """Print how the two simulations of a tick differ, and end the command."""
-    told = {"level": simulation.level.name, "seed": simulation.origin["seed"], "synctest": job.synctest}
+    facts = {"level": simulation.level.name, "seed": simulation.origin["seed"], "synctest": job.synctest}
     written = []
     if job.report is not None:
-        written = write_report(job.report, simulation.world, error.report, told)
+        written = write_report(job.report, simulation.world, error.report, facts)
     if job.json:
         files = {"files": [str(file) for file in written]} if written else {}
-        print_json(told | {"desync": error.report.as_json()} | files)
+        print_json(facts | {"desync": error.report.as_json()} | files)
     else:
-        print_line(f"{told['level']}: {error}")
+        print_line(f"{facts['level']}: {error}")
         show_desync(error.report, (FIRST, AGAIN), written)
     raise typer.Exit(terminal.PROBLEM)
 
@@ -146,7 +146,7 @@ def recorder_of(path, simulation, keyframes=None):
 @contextmanager
 def stepping(text, simulation, ticks, interrupts, writing=False):
     """Context manager: a function to call after every tick, which moves the progress bar and handles Ctrl-C."""
-    told = "; the written files are complete up to this tick" if writing else ""
+    note = "; the written files are complete up to this tick" if writing else ""
     with terminal.progress(text, ticks) as bar:
 
         def stepped(*_):
@@ -154,7 +154,7 @@ def stepping(text, simulation, ticks, interrupts, writing=False):
             interrupts.gently()
             bar(tick)
             if interrupts.asked:
-                say(f"stopped after tick {tick}{told}")
+                say(f"stopped after tick {tick}{note}")
             interrupts.check()
 
         yield stepped
@@ -224,10 +224,10 @@ def opened(path):
     run = open_recording(path)
     if run.notice:
         say(run.notice)
-    found = differing(run)
+    changed = differing(run)
     for what in ("code", "libraries") if "build" in run.header else ("libraries",):
-        if what in found:
-            say(f"{path}: recorded with {found[what]}: results may differ in the last bits")
+        if what in changed:
+            say(f"{path}: recorded with {changed[what]}: results may differ in the last bits")
     return run
 
 
@@ -409,10 +409,10 @@ def show_brush(name, json):
             unit = (info.json_schema_extra or {}).get("unit", "")
             made.add_row(f"  {key}", _value(getattr(part, key)), unit, info.description or "")
     show(made)
-    told = {key: value for key, value in brush.provenance.model_dump().items() if value not in (None, "", {})}
+    provenance = {key: value for key, value in brush.provenance.model_dump().items() if value not in (None, "", {})}
     show(styled("[bold]where the numbers come from[/]"))
-    figures = told.pop("report", {})
-    for key, value in told.items():
+    figures = provenance.pop("report", {})
+    for key, value in provenance.items():
         show(f"  {key}: {_value(value)}")
     if figures:
         show(table("learning report", "value", rows=figures.items(), right=("value",)))

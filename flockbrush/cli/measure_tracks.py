@@ -37,8 +37,8 @@ def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
         flat = np.zeros((rows.stop - rows.start, 1))
         forward = np.hstack([seen.forward[rows], flat])
         velocity = forward * np.nan_to_num(seen.speed[rows])[:, None] * length
-        found = herd_measures(np.hstack([seen.xy[rows] * length, flat]), velocity, forward, length)
-        for name, value in {"time": t / fps, **found}.items():
+        values = herd_measures(np.hstack([seen.xy[rows] * length, flat]), velocity, forward, length)
+        for name, value in {"time": t / fps, **values}.items():
             series.setdefault(name, []).append(value)
     return series
 

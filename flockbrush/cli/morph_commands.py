@@ -29,13 +29,13 @@ def morph_brushes(start, end, output, trial: Trial, wander=0.0):
         )
     file = Path(output) if output else Path(f"{first.name}--{last.name}{PATH_SUFFIX}")
     with held(file):
-        found = morph(first, last, trial, wander, say)
-        text = table(found)
-        told = (
+        measured = morph(first, last, trial, wander, say)
+        text = table(measured)
+        summary = (
             f"flockbrush brush morph {first.name} {last.name} --animals {trial.animals} --seeds {trial.seeds} "
             f"--seconds {trial.seconds:g} --begin {trial.begin}{f' --wander {wander:g}' if wander else ''}\n{text}\n"
         )
-        path = found.path.model_copy(update={"measured": told})
+        path = measured.path.model_copy(update={"measured": summary})
         print_line(text)
         write_bytes(file, path_to_toml(path).encode(), overwrite=True)
     print_line(f"wrote {file}")

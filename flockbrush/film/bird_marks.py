@@ -95,13 +95,13 @@ class Birds:
     def lost(self, k) -> dict[int, tuple[float, float]]:
         """{bird: last position} of tracks that ended within `JOIN` frames before frame k; not of removed birds."""
         taken = {bird for rows in self.corrections.values() for bird, row in rows.items() if row[2]}
-        found = {}
+        lost = {}
         for n, bird in enumerate(self.ids):
             seen = np.flatnonzero(np.isfinite(self.px[:, n, 0]))
             if 0 < k - seen[-1] <= JOIN and bird not in taken:
                 x, y = self.px[seen[-1], n].tolist()
-                found[bird] = x, y
-        return found
+                lost[bird] = x, y
+        return lost
 
     def join(self, one, other) -> Birds:
         """Join two tracks to one bird, ``one``: the track of the other begins after that of ``one`` has ended.

@@ -254,30 +254,30 @@ class PictureTracker:
         self.marks: list[dict[int, Mark]] = []  # of each picture
         self._no_birds = itertools.count(-1, -1)  # numbers of what is no bird
 
-    def take(self, found):
+    def take(self, patches):
         """Take the birds that were found in the next picture."""
         self.frame += 1
         before = self.marks[-1] if self.marks else {}
-        match = carry(list(before.values()), found, REACH * self.wingspan)
+        match = carry(list(before.values()), patches, REACH * self.wingspan)
         old = list(before.items())
-        same = [(patch, *old[k]) for patch, k in zip(found, match, strict=True) if k >= 0]
+        same = [(patch, *old[k]) for patch, k in zip(patches, match, strict=True) if k >= 0]
         now = {bird: Mark(patch.x, patch.y, True, was.gone) for patch, bird, was in same}
         if self.frame in self.seeds:
-            now = self._as_told(now, found)
+            now = self._as_told(now, patches)
         else:
             self._carry_on(before, now)
-            self._begin(now, before, [p for p, k in zip(found, match, strict=True) if k < 0])
+            self._begin(now, before, [p for p, k in zip(patches, match, strict=True) if k < 0])
         self.marks.append(now)
 
-    def _as_told(self, now, found):
+    def _as_told(self, now, patches):
         """The birds of a picture that a person knows, and what is followed though it is no bird."""
-        places = {bird: Mark(x, y, is_found(x, y, found)) for bird, x, y in self.seeds[self.frame]}
-        told = {bird: mark for bird, mark in now.items() if mark.gone and not self._on(*mark[:2], places.values())}
+        places = {bird: Mark(x, y, is_found(x, y, patches)) for bird, x, y in self.seeds[self.frame]}
+        no_birds = {bird: mark for bird, mark in now.items() if mark.gone and not self._on(*mark[:2], places.values())}
         if self.frame in self.corrected:
-            taken = [*places.values(), *told.values()]
-            rest = [p for p in found if not self._on(p.x, p.y, taken)]
-            told |= {next(self._no_birds): Mark(p.x, p.y, True, True) for p in rest}
-        return places | told
+            taken = [*places.values(), *no_birds.values()]
+            rest = [p for p in patches if not self._on(p.x, p.y, taken)]
+            no_birds |= {next(self._no_birds): Mark(p.x, p.y, True, True) for p in rest}
+        return places | no_birds
 
     def _on(self, x, y, others):
         return any(np.hypot(p.x - x, p.y - y) <= NEAR * self.wingspan for p in others)
@@ -291,10 +291,10 @@ class PictureTracker:
             if bird not in now and not mark.found and 0 <= x < self.size[0] and 0 <= y < self.size[1]:
                 now[bird] = Mark(x, y, False, mark.gone)
 
-    def _begin(self, now, before, found):
+    def _begin(self, now, before, patches):
         """Number those that are new; who was seen at this very place before keeps its number."""
         known = {place: bird for bird, place in self.known(self.frame).items()}
-        for patch in found:
+        for patch in patches:
             bird = known.get((patch.x, patch.y))
             if bird is None or bird in now or bird in before:
                 bird, self.fresh = self.fresh, self.fresh + 1

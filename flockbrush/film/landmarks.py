@@ -24,7 +24,7 @@ class Landmark(NamedTuple):
     h: float
 
     @property
-    def told(self) -> str:
+    def argument(self) -> str:
         """The form of the command line: "12:310,205,64,48"."""
         return f"{self.frame}:" + ",".join(str(round(part)) for part in self[1:])
 
@@ -47,8 +47,8 @@ def followed(film, landmark, say=lambda share: None) -> np.ndarray:
     say : callable, optional
         Called with the share that is done.
     """
-    found = np.full((len(film), 4), np.nan)
-    found[landmark.frame] = landmark[1:]
+    boxes = np.full((len(film), 4), np.nan)
+    boxes[landmark.frame] = landmark[1:]
     done = 1
     scale = min(1.0, SIDE / max(film.size))
     for way in (range(landmark.frame + 1, len(film)), range(landmark.frame - 1, -1, -1)):
@@ -58,10 +58,10 @@ def followed(film, landmark, say=lambda share: None) -> np.ndarray:
             fine, box = tracker.update(_small(film.frame(k), scale))
             if not fine:
                 break
-            found[k] = np.array(box) / scale
+            boxes[k] = np.array(box) / scale
             done += 1
             say(done / len(film))
-    return found
+    return boxes
 
 
 def csrt():

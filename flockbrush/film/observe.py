@@ -169,12 +169,12 @@ class Watch:
         speed = None if clip.still else speed_evidence(fields, sightings, self.size.area, smoothed)
         way = math.inf if speed is None else speed.mean * float(clip.times[-1] - clip.times[0])
         doubt = _doubt(way)
-        told = [f"unreliable: {doubt}"] if doubt else []
+        warnings = [f"unreliable: {doubt}"] if doubt else []
         return Evidence(
             name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.length,
             length_source="given" if self.given else "blobs", radius_bl=0.5 * self.size.width / self.size.length,
             fields=fields, sightings=sightings, speed=speed,
-            notes=self._notes(taken, way) + speeds_told(sightings, clip.fps) + told, doubt=doubt, picture=first,
+            notes=self._notes(taken, way) + speeds_told(sightings, clip.fps) + warnings, doubt=doubt, picture=first,
             to_pixels=self.grid.to_pixels, camera=self._camera(),
             region_colours=self.region_colours, place_noise=float(np.nan_to_num(noise.place)),
             heading_noise=float(np.nan_to_num(noise.heading)),

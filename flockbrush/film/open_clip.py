@@ -50,7 +50,7 @@ def look_at(clip, how: Looking, show=None) -> Evidence:
         raise refused(clip, "is a video or picture: --unit and --fps can only be used with tracks")
     with progress(f"measuring {name}", 100) as bar:
 
-        def told(text, done, total):
+        def report(text, done, total):
             bar(100 * done / max(total, 1), f"{name}: {text}")
 
         return observe(
@@ -62,7 +62,7 @@ def look_at(clip, how: Looking, show=None) -> Evidence:
             grid=how.grid,
             obstacles=how.obstacles,
             regions=how.regions,
-            say=told,
+            say=report,
             **({} if show is None else {"show": show}),
         )
 

@@ -212,12 +212,12 @@ class PictureBook(Book):
             raise refused(self.out, "has bird names that are not numbers; choose another name with --out")
         place = {name: k for k, name in enumerate(self.film.names)}
         ids = sorted(numbers.values())
-        px, told = np.full((len(place), len(ids), 2), np.nan), {}
+        px, corrections = np.full((len(place), len(ids), 2), np.nan), {}
         for name, xs, ys in zip(marks.frames, marks.x * self.wingspan, -marks.y * self.wingspan, strict=True):
             here = dict(zip((numbers[bird] for bird in marks.birds), zip(xs, ys, strict=True), strict=True))
             px[place[name]] = [here[bird] for bird in ids]
-            told[place[name]] = {bird: (float(x), float(y), False) for bird, (x, y) in sorted(here.items())}
-        birds = Birds(px, tuple(ids), told)
-        for k in sorted(told):
+            corrections[place[name]] = {bird: (float(x), float(y), False) for bird, (x, y) in sorted(here.items())}
+        birds = Birds(px, tuple(ids), corrections)
+        for k in sorted(corrections):
             birds = self._follower.follow(birds, k + 1)
         return birds

@@ -159,8 +159,8 @@ class _Known:
         self.go[mine] += gain * (steps - self.go[mine])
         if moves is not None:
             say = moves[theirs]
-            told = np.isfinite(say[:, 0])
-            self.go[mine[told]] += 0.3 * (say[told] - self.go[mine[told]])
+            known = np.isfinite(say[:, 0])
+            self.go[mine[known]] += 0.3 * (say[known] - self.go[mine[known]])
         lost = np.setdiff1d(np.arange(len(self.at)), mine)
         self.at[lost] = ahead[lost]
         self.missed[lost] += 1
@@ -176,8 +176,8 @@ class _Known:
         """Those nobody was foretold at begin, going as the picture flows or as those around them."""
         go = self._as_neighbours(xy[new], axis[new])
         if moves is not None:
-            told = np.isfinite(moves[new, 0])
-            go[told] = moves[new][told]
+            known = np.isfinite(moves[new, 0])
+            go[known] = moves[new][known]
         names[new] = np.arange(self.count, self.count + len(new))
         self.count += len(new)
         zero = np.zeros(len(new), int)

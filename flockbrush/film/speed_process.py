@@ -23,7 +23,7 @@ FAR = 3.5  # robust deviations: who is slower or faster still is held up or push
 CERTAIN = 0.6  # of the rate itself: a greater error and it is not told
 RATES = np.geomspace(0.05, 20.0, 240)  # 1/s that are tried
 USUAL = int(np.argmin(np.abs(RATES - 1.0)))  # row of the rate that is taken where the tracks do not tell one
-SMOOTHED = 0.25  # s over which speeds are averages unless told
+SMOOTHED = 0.25  # s over which speeds are averages by default
 CLEAR = 1.5  # times as long as the average are lags at which errors have gone: at the ends of tracks it is longer
 POINTS = 15  # into which such an average is cut
 

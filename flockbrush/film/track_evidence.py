@@ -124,28 +124,28 @@ class _Motion:
 
     @classmethod
     def of(cls, pieces, fps):
-        found = smoothed(Tracks(pieces.xy, np.arange(pieces.xy.shape[1])))
-        velocity = central_differences(found.px) * fps
-        again = _again(pieces, found)
-        off, other = again - found.px, central_differences(again) * fps
+        paths = smoothed(Tracks(pieces.xy, np.arange(pieces.xy.shape[1])))
+        velocity = central_differences(paths.px) * fps
+        again = _again(pieces, paths)
+        off, other = again - paths.px, central_differences(again) * fps
         slow = max(SLOW * _spread(other - velocity), SLOWEST)
         angle, sure = _headings(pieces, velocity, slow)
         apart = _wrapped(np.arctan2(other[..., 1], other[..., 0]) - np.arctan2(velocity[..., 1], velocity[..., 0]))
         fast = np.hypot(velocity[..., 0], velocity[..., 1]) > slow
         turn = np.where(sure, central_differences(angle) * fps, np.nan)
-        window = max(SMOOTHED, 2.0 * found.stiffness ** (1 / 6) / fps)
+        window = max(SMOOTHED, 2.0 * paths.stiffness ** (1 / 6) / fps)
         return cls(
-            found.px, velocity, angle, turn, found.noise, _spread(off),
+            paths.px, velocity, angle, turn, paths.noise, _spread(off),
             float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window),
         )  # fmt: skip
 
 
-def _again(pieces, found):
+def _again(pieces, paths):
     """The paths smoothed again with noise of the estimated size: a parametric bootstrap."""
     rng = np.random.default_rng(51)
-    shaken = found.px + found.noise * rng.normal(size=found.px.shape)
+    shaken = paths.px + paths.noise * rng.normal(size=paths.px.shape)
     shaken[~np.isfinite(pieces.xy).all(-1)] = np.nan
-    return smoothed(Tracks(shaken, np.arange(shaken.shape[1])), found.stiffness).px
+    return smoothed(Tracks(shaken, np.arange(shaken.shape[1])), paths.stiffness).px
 
 
 def _spread(values):

@@ -104,7 +104,7 @@ def _grid(path, rows, columns):
         row = _split(cells)
         values.extend(_float(row[at]) if at < len(row) else np.nan for at in columns)
         if len(values) > limits.TRACK_NUMBERS:
-            raise refused(path, f"has more than {limits.TRACK_NUMBERS.told}; split it into parts")
+            raise refused(path, f"has more than {limits.TRACK_NUMBERS.text}; split it into parts")
     if not values:
         raise refused(path, "has no rows")
     return np.frombuffer(values).reshape(-1, len(columns))
@@ -271,7 +271,7 @@ def _check_parquet(path, about, names):
         parts = [group.column(k) for k in range(group.num_columns)]
         size += sum(p.total_uncompressed_size for p in parts if p.path_in_schema.split(".")[0] in names)
     if size > limits.TRACKS_UNPACKED_BYTES:
-        raise refused(path, f"unpacks to more than {limits.TRACKS_UNPACKED_BYTES.told}; split it into parts")
+        raise refused(path, f"unpacks to more than {limits.TRACKS_UNPACKED_BYTES.text}; split it into parts")
 
 
 def _coded(path, values):
@@ -328,8 +328,11 @@ def _deeplabcut(path, header, rows) -> TrackTable:
     middles = []
     for name in ids:
         places = np.array([values[:, at : at + 2] for at in parts[name]])
-        told = [coords[at + 2 : at + 3] == ["likelihood"] for at in parts[name]]
-        sure = [values[:, at + 2] if has else np.ones(len(values)) for at, has in zip(parts[name], told, strict=True)]
+        has_likelihood = [coords[at + 2 : at + 3] == ["likelihood"] for at in parts[name]]
+        sure = [
+            values[:, at + 2] if has else np.ones(len(values))
+            for at, has in zip(parts[name], has_likelihood, strict=True)
+        ]
         middles.append(middle_of_parts(places, np.array(sure)))
     return TrackTable(np.stack(middles, 1), ids, frames, None, "px")
 
@@ -365,9 +368,9 @@ def _idtracker(path, header, rows) -> TrackTable:
 def _trex_columns(header):
     """(x, y, unit) names of TRex' columns of places; None in other tables."""
     for x in header:
-        found = re.fullmatch(r"X(#wcentroid|#pcentroid|#centroid)?( \((cm|px)\))?", x)
-        if found and (y := "Y" + x[1:]) in header and (found[1] or found[2]):
-            return x, y, found[3] or "cm"
+        match = re.fullmatch(r"X(#wcentroid|#pcentroid|#centroid)?( \((cm|px)\))?", x)
+        if match and (y := "Y" + x[1:]) in header and (match[1] or match[2]):
+            return x, y, match[3] or "cm"
     return None
 
 
@@ -375,9 +378,9 @@ def _trex_table(path, header, rows) -> TrackTable:
     """One animal as TRex writes it in a CSV."""
     x, y, unit = _trex_columns(header)
     wanted = [name for name in (x, y, "frame", "time") if name in header]
-    found = dict(zip(wanted, _grid(path, rows, [header.index(name) for name in wanted]).T, strict=True))
-    frames = _whole(path, found.get("frame", np.arange(len(found[x]))))
-    return _of_one(path, frames, np.column_stack([found[x], found[y]]), _rate(frames, found.get("time")), unit)
+    columns = dict(zip(wanted, _grid(path, rows, [header.index(name) for name in wanted]).T, strict=True))
+    frames = _whole(path, columns.get("frame", np.arange(len(columns[x]))))
+    return _of_one(path, frames, np.column_stack([columns[x], columns[y]]), _rate(frames, columns.get("time")), unit)
 
 
 def _of_one(path, frames, xy, fps, unit):
@@ -391,23 +394,23 @@ def _of_one(path, frames, xy, fps, unit):
 def trex_file(path) -> TrackTable:
     """One animal as TRex writes it in an npz."""
     try:
-        found = _trex_arrays(path)
+        arrays = _trex_arrays(path)
     except (zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
         raise refused(path, f"is not an npz file of tracks: {error}") from None
-    columns = _trex_columns(list(found))
+    columns = _trex_columns(list(arrays))
     if columns is None:
         raise refused(path, "has no X#wcentroid and Y#wcentroid, as files of TRex have")
     x, y, unit = columns
-    if not len(found[x]):
+    if not len(arrays[x]):
         raise refused(path, "has no rows")
-    frames = _whole(path, found.get("frame", np.arange(len(found[x]))))
-    xy = np.column_stack([found[x], found[y]]).astype(float)
+    frames = _whole(path, arrays.get("frame", np.arange(len(arrays[x]))))
+    xy = np.column_stack([arrays[x], arrays[y]]).astype(float)
     if len(frames) != len(xy):
         raise refused(path, f"has {len(xy)} positions in {len(frames)} frames")
-    if "missing" in found:
-        xy[found["missing"].astype(bool)] = np.nan
-    rate = found.get("frame_rate")
-    fps = float(rate[0]) if rate is not None and len(rate) else _rate(frames, found.get("time"))
+    if "missing" in arrays:
+        xy[arrays["missing"].astype(bool)] = np.nan
+    rate = arrays.get("frame_rate")
+    fps = float(rate[0]) if rate is not None and len(rate) else _rate(frames, arrays.get("time"))
     return _of_one(path, frames, xy, fps, unit)
 
 
@@ -417,16 +420,16 @@ def _trex_arrays(path):
         sizes = {info.filename.removesuffix(".npy"): info.file_size for info in packed.infolist()}
     wanted = [name for name in sizes if _trex_columns([name, "Y" + name[1:]]) or _trex_columns(["X" + name[1:], name])]
     wanted += [name for name in ("frame", "time", "missing", "frame_rate") if name in sizes]
-    found = {}
+    arrays = {}
     with np.load(path, allow_pickle=False) as data:
         for name in wanted[:20]:
             if sizes[name] > 8 * limits.TRACK_FRAMES + 1024:
-                raise refused(path, f"{name} has more than {limits.TRACK_FRAMES.told}; split it into parts")
+                raise refused(path, f"{name} has more than {limits.TRACK_FRAMES.text}; split it into parts")
             values = np.ravel(data[name])
             if values.dtype.kind not in "biuf":
                 raise refused(path, f"{name} must be numbers, got {values.dtype}")
-            found[name] = values
-    return found
+            arrays[name] = values
+    return arrays
 
 
 def trex_files(path) -> list[Path]:
@@ -443,7 +446,7 @@ def trex_folder(path) -> TrackTable:
     for file in files:
         tables.append((trex_file if file.suffix.lower() == ".npz" else csv_table)(file))
         if sum(table.xy.size for table in tables) > limits.TRACK_NUMBERS:
-            raise refused(path, f"its files have more than {limits.TRACK_NUMBERS.told}")
+            raise refused(path, f"its files have more than {limits.TRACK_NUMBERS.text}")
     names = sorted({name for t in tables for name in t.ids})
     number = {name: k for k, name in enumerate(names)}
     frames = np.concatenate([np.repeat(t.frames, len(t.ids)) for t in tables])

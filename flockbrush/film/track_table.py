@@ -23,7 +23,7 @@ class TrackTable:
     frames: np.ndarray  # (T,)
     fps: float | None = None
     unit: str | None = None
-    down: bool | None = None  # whether y points down; as is usual for pixels unless told
+    down: bool | None = None  # whether y points down; as is usual for pixels by default
     heading: np.ndarray | None = None
     notes: list[str] = field(default_factory=list)
 
@@ -91,7 +91,7 @@ def beside(path) -> dict:
     if not other.is_file() or other.stat().st_size > limits.MIB:
         return {}
     try:
-        found = json.loads(other.read_text("utf-8"))
+        metadata = json.loads(other.read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return metadata if isinstance(metadata, dict) else {}

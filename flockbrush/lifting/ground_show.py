@@ -42,10 +42,10 @@ class GroundShow(Show):
 
     def herd(self, k):
         """The animals of frame k as the painters want them."""
-        found, rows = super().herd(k), self.there(k)
+        herd, rows = super().herd(k), self.there(k)
         upright = np.broadcast_to((0.0, 0.0, 1.0), (len(rows), 3))
         radius = self.evidence.radius_bl * self.span
-        return found._replace(length=self.span, radius=radius, wings=None, up=upright)
+        return herd._replace(length=self.span, radius=radius, wings=None, up=upright)
 
 
 def _flat(evidence, length):

@@ -48,7 +48,7 @@ class ChartCurve(NamedTuple):
     y: np.ndarray
     error: np.ndarray | None = None  # of y, each way
     band: tuple[np.ndarray, np.ndarray] | None = None  # the lowest and the highest that would do
-    colour: str = ""  # by its place unless told
+    colour: str = ""  # by its place by default
     marker: str = ""  # of matplotlib
     width: float = 1.5  # points
     alpha: float = 1.0
@@ -61,7 +61,7 @@ class CurveChart(NamedTuple):
     across: str
     curves: list[ChartCurve]
     words: list[str] | None = None  # x counts these
-    span: tuple[float, float] | None = None  # of the measured axis; as the curves need unless told
+    span: tuple[float, float] | None = None  # of the measured axis; as the curves need by default
     logarithmic: bool = False
     note: str = ""  # below the title
 

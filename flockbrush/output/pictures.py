@@ -51,7 +51,7 @@ def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, 
     """A painter for a running world: of the plan with the level's proportions unless a size is given, or of space.
 
     `azimuth` and `elevation`, in degrees, say from where one looks in space: counter-clockwise from east, and upwards;
-    flocks in the air are looked at from lower down than herds on the ground unless told.  `clean` leaves out words,
+    flocks in the air are looked at from lower down than herds on the ground by default.  `clean` leaves out words,
     trails and all that only the designer sees, and dust and ripples behind the animals, as does `dust` = False.
     """
     from flockbrush.render import Painter, Scenery

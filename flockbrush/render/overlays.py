@@ -165,23 +165,23 @@ class Overlays:
 
     def _regions(self, camera, made_of):
         _, rows, columns, colours = made_of
-        told = [(k, name, strong(rgb(colour), self.theme)) for k, (name, colour) in enumerate(colours)]
-        return self._filled(camera, self.scenery.land.brush, rows, columns, told, 0.34)
+        regions = [(k, name, strong(rgb(colour), self.theme)) for k, (name, colour) in enumerate(colours)]
+        return self._filled(camera, self.scenery.land.brush, rows, columns, regions, 0.34)
 
     def _cap_layer(self, camera, made_of):
         values, rows, columns = made_of
         said = np.unique(values[np.isfinite(values)])
-        told = [(value, f"max {value:g} m/s", self._cap_colour(value, said)) for value in said]
-        return self._filled(camera, self.scenery.land.surface[..., 1], rows, columns, told, 0.45)
+        regions = [(value, f"max {value:g} m/s", self._cap_colour(value, said)) for value in said]
+        return self._filled(camera, self.scenery.land.surface[..., 1], rows, columns, regions, 0.45)
 
-    def _filled(self, camera, raster, rows, columns, told, alpha):
+    def _filled(self, camera, raster, rows, columns, regions, alpha):
         """Draws regions of cells that have a value: (value, name, colour) each, filled, outlined and named."""
         sketcher, cell = self._sketcher(camera), self.scenery.cell
         fills, names = [], []
         if sketcher.canvas.clip[2] > sketcher.canvas.clip[0]:
             around = sketcher.cells(cell, raster.shape)
             near, seen = raster[around], raster[rows, columns]
-            for value, name, colour in told:
+            for value, name, colour in regions:
                 if not (seen == value).any():
                     continue
                 edge = sketcher.region(near == value, cell, (around[0].start, around[1].start))
@@ -417,30 +417,34 @@ class Overlays:
 
     def _one(self, frame, camera, shown, moment, at, row):
         """What is shown of the selected animal."""
-        told = None
+        explanation = None
         if shown & EXPLAINED:
-            told = self.asked.of(int(moment.ids[row]))
+            explanation = self.asked.of(int(moment.ids[row]))
         x, y = (float(side) for side in at[row])
-        if told is not None and shown & {"field_of_view", "occlusion"}:
-            self._sight(frame, camera, shown, moment, row, told)
+        if explanation is not None and shown & {"field_of_view", "occlusion"}:
+            self._sight(frame, camera, shown, moment, row, explanation)
         ring = np.array([max(8.0 * self.unit, 0.95 * float(moment.length[row]) * camera.scale)])
         here, clip = np.array([[x, y]]), self._clip(camera)
         draw_rings(frame, clip, here, ring, 4.4 * self.unit, ink_of(self.theme.paper), 0.8)
         draw_rings(frame, clip, here, ring, 2.0 * self.unit, ink_of(self.theme.ink), 1.0)
-        if told is not None and "forces" in shown:
+        if explanation is not None and "forces" in shown:
             forward = moment.forward[row, :2] * (1, -1)
-            draw_forces(frame, camera, (x, y), forward, told, self.theme, self.unit, float(ring[0]))
+            draw_forces(frame, camera, (x, y), forward, explanation, self.theme, self.unit, float(ring[0]))
 
-    def _sight(self, frame, camera, shown, moment, row, told):
+    def _sight(self, frame, camera, shown, moment, row, explanation):
         """The field of view as a wedge; what is hidden in it shaded."""
-        reach, scale = told.view_range, camera.scale
+        reach, scale = explanation.view_range, camera.scale
         depth = self._depth(moment, row, reach) * scale if "occlusion" in shown else np.full(RAYS, np.inf)
-        cosine = np.cos(min(told.field_of_view, 2 * np.pi) / 2) if told.field_of_view < 2 * np.pi - 1e-9 else -1.0
+        cosine = (
+            np.cos(min(explanation.field_of_view, 2 * np.pi) / 2)
+            if explanation.field_of_view < 2 * np.pi - 1e-9
+            else -1.0
+        )
         x, y = (float(side) for side in camera.pixels(moment.xyz[row]))
         eye = Pose(x, y, float(moment.forward[row, 0]), -float(moment.forward[row, 1]))
         lit = 0.18 if "field_of_view" in shown else 0.0
         self._lay_sight(frame, camera, eye, (cosine, depth, reach * scale), lit)
-        self._wedge(frame, camera, eye, told.field_of_view, reach * scale)
+        self._wedge(frame, camera, eye, explanation.field_of_view, reach * scale)
 
     def _lay_sight(self, frame, camera, eye, view, lit):
         """Lay what is seen and what is hidden over the frame; large views are worked out coarsely and smoothed."""

@@ -39,7 +39,7 @@ class Painter:
     words : bool
         Leave room for title, legend and scale bar.  Pictures under 300 x 200 have none.
     labels : bool, optional
-        Write the names of goals, exits and lines on the ground; where there is room for words, unless told.
+        Write the names of goals, exits and lines on the ground; where there is room for words, by default.
     shadows : bool
     live : bool
         For a window: the ground is shown as far as it is drawn, and `refine` goes on with it; else it is always whole.
@@ -281,9 +281,9 @@ class Painter:
             return
         self._taught = known
         colours = map(tuple, brush_rgb(herd.brush_colours).tolist())
-        told = dict(zip(map(brush_key, herd.brush_names), colours, strict=False))
+        by_name = dict(zip(map(brush_key, herd.brush_names), colours, strict=False))
         painted = painted_brushes(self.level)
-        news = {name: colour for name, colour in told.items() if self.brushes.get(name) != colour}
+        news = {name: colour for name, colour in by_name.items() if self.brushes.get(name) != colour}
         self.brushes |= news
         if any(name in painted for name in news):
             self.repaint("all")

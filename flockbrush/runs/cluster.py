@@ -131,8 +131,8 @@ def _security(address, tls):
     for name, path in (("--tls-ca", tls.ca), ("--tls-cert", tls.cert), ("--tls-key", tls.key)):
         if path is not None and not Path(path).is_file():
             raise refused(path, f"there is no such file; {name} must be a PEM file")
-    told = {"tls_ca_file": tls.ca, "tls_client_cert": tls.cert, "tls_client_key": tls.key}
-    return Security(require_encryption=True, **{name: str(path) for name, path in told.items() if path is not None})
+    options = {"tls_ca_file": tls.ca, "tls_client_cert": tls.cert, "tls_client_key": tls.key}
+    return Security(require_encryption=True, **{name: str(path) for name, path in options.items() if path is not None})
 
 
 def _needs(address, tls):
@@ -165,8 +165,8 @@ def _same_code(client, address):
                 address, f"worker {worker} has {apart['code']}; install the same version there and restart the worker"
             )
         libraries |= {apart[name] for name in ("libraries",) if name in apart}
-    for found in sorted(libraries):
-        say(f"{address}: workers have {found}: their results may differ in the last bits")
+    for library in sorted(libraries):
+        say(f"{address}: workers have {library}: their results may differ in the last bits")
 
 
 def _build():

@@ -116,7 +116,7 @@ class EditedMoments:
             return [(moment, [moment.time] * len(self.edits))]
         changed = np.unique(np.concatenate([self._ids[k] for k in later]))
         plain = ~np.isin(moment.ids, changed)
-        found = [(rows_of(moment, np.flatnonzero(plain)), [moment.time] * len(self.edits))]
+        sources = [(rows_of(moment, np.flatnonzero(plain)), [moment.time] * len(self.edits))]
         belongs = np.array([np.isin(changed, self._ids[k]) for k in later])  # (edits of time, animals)
         kinds, kind_of = np.unique(belongs, axis=1, return_inverse=True)
         for number, kind in enumerate(kinds.T):
@@ -130,8 +130,8 @@ class EditedMoments:
                     rate *= speed
             source, stands = self.past.at(time)
             mine = rows_of(source, np.flatnonzero(np.isin(source.ids, animals)))
-            found.append((replace(mine, velocity=mine.velocity * (0.0 if stands else rate)), times))
-        return found
+            sources.append((replace(mine, velocity=mine.velocity * (0.0 if stands else rate)), times))
+        return sources
 
     def _edited(self, moment, times):
         for edit, ids, time in zip(self.edits, self._ids, times, strict=True):
@@ -182,15 +182,17 @@ class EditedMoments:
         from flockbrush.runs.snapshots import names_of
 
         species, brushes = names_of(self.simulation)
-        told = {}
+        changed = {}
         if edit.brush in brushes:
-            told["brush"] = np.where(mine, list(brushes).index(edit.brush), moment.brush).astype(moment.brush.dtype)
+            changed["brush"] = np.where(mine, list(brushes).index(edit.brush), moment.brush).astype(moment.brush.dtype)
         if edit.species in species:
-            told["species"] = np.where(mine, species.index(edit.species), moment.species).astype(moment.species.dtype)
+            changed["species"] = np.where(mine, species.index(edit.species), moment.species).astype(
+                moment.species.dtype
+            )
         if edit.size != 1.0:
             times = np.where(mine, edit.size, 1.0)
-            told |= {"length": moment.length * times, "radius": moment.radius * times}
-        return replace(moment, **told)
+            changed |= {"length": moment.length * times, "radius": moment.radius * times}
+        return replace(moment, **changed)
 
 
 class Past:
@@ -239,10 +241,10 @@ class Past:
         stands = time < self._times[0] - EXACT or time > self._times[-1] + EXACT
         time = min(max(time, self._times[0]), self._times[-1])
         after = int(np.searchsorted(self._times, time - EXACT))
-        found = self._read(after)
+        frame = self._read(after)
         if after > 0 and self._times[after] > time + EXACT:
-            found = between(self._read(after - 1), found, time, self.wrap)
-        return found, stands
+            frame = between(self._read(after - 1), frame, time, self.wrap)
+        return frame, stands
 
     def _read(self, k) -> Moment:
         at, time, layout = self._kept[k]

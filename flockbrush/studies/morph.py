@@ -143,15 +143,15 @@ def morph(start: Brush, end: Brush, trial: Trial, wander: float = 0.0, tell=lamb
 
 def detours(start, end, along, wander=0.0):
     """What parameters have besides those of the straight line at some points of it, {name: numbers}."""
-    along, found = np.asarray(along, float), {}
+    along, best = np.asarray(along, float), {}
     for name in type(start.params).model_fields:
         a, b = getattr(start.params, name), getattr(end.params, name)
         if isinstance(a, float) and isinstance(b, float) and min(a, b) > 0.0 and max(a / b, b / a) > TENFOLD:
-            found[name] = a ** (1.0 - along) * b**along - (a + along * (b - a))
+            best[name] = a ** (1.0 - along) * b**along - (a + along * (b - a))
     if wander:
-        found["wander"] = wander * np.minimum(1.0, RISE * along) * np.minimum(1.0, RISE * (1.0 - along))
+        best["wander"] = wander * np.minimum(1.0, RISE * along) * np.minimum(1.0, RISE * (1.0 - along))
     inner = (along > 0.0) & (along < 1.0)  # rounding may leave something at the ends
-    return {name: tuple(map(float, np.where(inner, values, 0.0))) for name, values in found.items()}
+    return {name: tuple(map(float, np.where(inner, values, 0.0))) for name, values in best.items()}
 
 
 def brush_at(start, end, along, wander=0.0):
@@ -176,16 +176,16 @@ def sweep(at, points, trial, seed) -> Branches:
     """
     order = [*range(len(points)), *reversed(range(len(points)))]
     simulation = _herds([at(point) for point in points], trial, seed, len(order), trial.seeds)
-    world, found = simulation.world, []
+    world, samples = simulation.world, []
     palette, agents = world.resource(Palette), simulation.agents
     for k, point in enumerate(order):
         brush = at(points[point]).model_copy(update={"name": f"swept-{k % 2}"})
         agents[BrushBinding.home][:] = palette.add(brush)
         world.resource(Landscape).see_to(float(palette.view_range.max() * brush.body.length))
-        found.append(_last_part(simulation, trial, trial.seeds))
+        samples.append(_last_part(simulation, trial, trial.seeds))
     simulation.close()
     n = len(points)
-    return Branches(*(_over_seeds(np.swapaxes(way, 0, 1)) for way in (found[:n], found[n:][::-1])))
+    return Branches(*(_over_seeds(np.swapaxes(way, 0, 1)) for way in (samples[:n], samples[n:][::-1])))
 
 
 def _last_part(simulation, trial, herds):
@@ -259,9 +259,9 @@ class Response:
         change = np.abs(np.diff(means, axis=0)).sum(1)
         change += max(KEEP_GOING, 1.0 - change.sum()) * np.diff(points)
         gone = np.concatenate([[0.0], np.cumsum(change)])
-        found = np.interp(np.linspace(0.0, gone[-1], steps + 1), gone, points)
-        found[0], found[-1] = 0.0, 1.0
-        return found
+        positions = np.interp(np.linspace(0.0, gone[-1], steps + 1), gone, points)
+        positions[0], positions[-1] = 0.0, 1.0
+        return positions
 
 
 def response(at, trial) -> Response:
@@ -279,8 +279,8 @@ def measured(at, points, trial, first_seed=FIRST_CHECK) -> Measured:
     return _over_seeds(np.array([_run(brushes, trial, first_seed + k) for k in range(trial.seeds)]))
 
 
-def _over_seeds(found) -> Measured:
-    return Measured(found.mean(0), found.std(0, ddof=min(1, len(found) - 1)), len(found))
+def _over_seeds(samples) -> Measured:
+    return Measured(samples.mean(0), samples.std(0, ddof=min(1, len(samples) - 1)), len(samples))
 
 
 def _run(brushes, trial, seed):
@@ -291,11 +291,11 @@ def _run(brushes, trial, seed):
     return means
 
 
-def goes_back(found: Measured) -> np.ndarray:
+def goes_back(measured: Measured) -> np.ndarray:
     """By how much each measure goes back between any two points, and how much of that chance explains, (2, 2)."""
-    error = np.maximum(found.deviation / np.sqrt(found.seeds), NOISE)
-    sign = np.where(found.mean[-1] >= found.mean[0], 1.0, -1.0)
-    fallen = (found.mean * sign)[:, None] - (found.mean * sign)[None]  # [earlier, later, measure]
+    error = np.maximum(measured.deviation / np.sqrt(measured.seeds), NOISE)
+    sign = np.where(measured.mean[-1] >= measured.mean[0], 1.0, -1.0)
+    fallen = (measured.mean * sign)[:, None] - (measured.mean * sign)[None]  # [earlier, later, measure]
     allowed = 2.0 * np.hypot(error[:, None], error[None])
     later = np.triu(np.ones(fallen.shape[:2], bool))[..., None]
     excess = np.where(later, fallen - allowed, -np.inf).reshape(-1, fallen.shape[2])
@@ -303,35 +303,35 @@ def goes_back(found: Measured) -> np.ndarray:
     return np.stack([v.reshape(-1, fallen.shape[2])[worst] for v in (fallen, allowed)])
 
 
-def faults(found: Measured) -> list[str]:
+def faults(measured: Measured) -> list[str]:
     """What keeps a way from being even, in words."""
     said = []
-    back, allowed = goes_back(found)
+    back, allowed = goes_back(measured)
     for column, name in enumerate(MEASURES):
-        step = np.abs(np.diff(found.mean[:, column])).max()
+        step = np.abs(np.diff(measured.mean[:, column])).max()
         if back[column] > allowed[column]:
             said.append(f"{name} goes back by {back[column]:.2f}")
         if step > MOST_STEP:
             said.append(f"{name} changes by {step:.2f} in one step")
-        if found.deviation[:, column].max() >= MOST_DEVIATION:
-            said.append(f"{name} deviates by {found.deviation[:, column].max():.2f} between seeds")
+        if measured.deviation[:, column].max() >= MOST_DEVIATION:
+            said.append(f"{name} deviates by {measured.deviation[:, column].max():.2f} between seeds")
     return said
 
 
-def table(found: Morph) -> str:
+def table(path: Morph) -> str:
     """All ways side by side, and what they are worth."""
-    steps = len(found.path.along) - 1
-    ways = {"path": found.on_path, "straight line": found.straight, "there": found.swept.there,
-            "back": found.swept.back}  # fmt: skip
+    steps = len(path.path.along) - 1
+    ways = {"path": path.on_path, "straight line": path.straight, "there": path.swept.there,
+            "back": path.swept.back}  # fmt: skip
     lines = [" " * 16 + "".join(f"{name:<26}" for name in ways), "step   along   " + "polarization  milling     " * 4]
-    for k, along in enumerate(found.path.along):
+    for k, along in enumerate(path.path.along):
         cells = [f"{m.mean[k, c]:.2f} ± {m.deviation[k, c]:.2f}" for m in ways.values() for c in (0, 1)]
         lines.append(f"{k:>2} / {steps:<2} {along:.4f}  {'   '.join(cells)}")
     for name in ("path", "straight line"):
         said = faults(ways[name])
         lines.append(f"{name}: {'; '.join(said) if said else 'even'}")
-    lines += [f"jumps by {size:.2f} at {where:.4f} of the way" for where, size in found.jumps]
-    return "\n".join([*lines, verdict(found.swept, found.path.even)])
+    lines += [f"jumps by {size:.2f} at {where:.4f} of the way" for where, size in path.jumps]
+    return "\n".join([*lines, verdict(path.swept, path.path.even)])
 
 
 def verdict(swept: Branches, even: bool) -> str:

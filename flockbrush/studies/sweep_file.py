@@ -4,7 +4,7 @@ A sweep is a file ``NAME.sweep.toml``::
 
     schema = "flockbrush.sweep/1"
     experiment = "level"                # or "v_rules"
-    measures = ["polarization", "nnd"]  # all there are unless told
+    measures = ["polarization", "nnd"]  # all there are by default
 
     [seeds]
     count = 20                          # 0 to 19
@@ -236,7 +236,7 @@ def _flat(table: dict, path: Key):
     """(dotted name, (path in the file, value)) of nested tables."""
     for name, value in table.items():
         if isinstance(value, dict):
-            yield from ((f"{name}.{inner}", found) for inner, found in _flat(value, (*path, name)))
+            yield from ((f"{name}.{inner}", leaf) for inner, leaf in _flat(value, (*path, name)))
         else:
             yield name, ((*path, name), value)
 

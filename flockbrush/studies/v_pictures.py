@@ -139,10 +139,10 @@ def _one_of_each_shape(sweep, fine):
     """The first flock of each shape, those that settled before those that did not."""
     samples = []
     for shape in SHAPES:
-        found = [entry for entry in fine if entry[1]["measures"]["shape"] == shape]
-        if not found:
+        entries = [entry for entry in fine if entry[1]["measures"]["shape"] == shape]
+        if not entries:
             continue
-        scenario, row = min(found, key=lambda e: (-e[1]["measures"].get("stabilised", 0), e[0].parameters["birds"]))
+        scenario, row = min(entries, key=lambda e: (-e[1]["measures"].get("stabilised", 0), e[0].parameters["birds"]))
         spec, flights = _flown(scenario.parameters, row["seed"])
         said = f"{shape}: {spec.birds} birds, {spec.angle:g}°, seed {row['seed']}"
         if not flights.settled[0]:

@@ -84,14 +84,14 @@ class Deeds:
     def undo(self):
         """Undo the last change."""
         self.tool.interrupt()
-        self._told(self.session.undo_label, self.session.undo(), "undo")
+        self._notify_step(self.session.undo_label, self.session.undo(), "undo")
 
     def redo(self):
         """Redo the change that was undone last."""
         self.tool.interrupt()
-        self._told(self.session.redo_label, self.session.redo(), "redo")
+        self._notify_step(self.session.redo_label, self.session.redo(), "redo")
 
-    def _told(self, label, done, step):
+    def _notify_step(self, label, done, step):
         """Say what was undone or redone; what stands against it the session says itself."""
         if done:
             self.notify(f"{step[:-2]}done: {label}")
@@ -165,7 +165,7 @@ class Deeds:
         written = self.session.save(path)
         self.tell()
         if written:
-            self._told_disk = ""
+            self._known_disk = ""
             pygame.display.set_caption(self.title())
             self.notify(f"saved {written}")
         return written
@@ -373,8 +373,8 @@ class Deeds:
 
         def give(texts):
             try:
-                told = changed(given, {row: text for row, text in texts.items() if row != "when"})
-                args = {row: value for row, value in said(told).items() if value != here.get(row)}
+                command = changed(given, {row: text for row, text in texts.items() if row != "when"})
+                args = {row: value for row, value in said(command).items() if value != here.get(row)}
                 at = number(texts["when"])
                 needed = self.brush_needed(args["brush"]) if args.get("brush") else []
                 place = PlaceKey(key.id if key else self.new_id(), called, at, name, args, *xy)
@@ -392,8 +392,8 @@ class Deeds:
 
         def give(texts):
             try:
-                told = changed(command, texts)
-                return self.do(label, [*self.mix_needed(told), told])
+                edited = changed(command, texts)
+                return self.do(label, [*self.mix_needed(edited), edited])
             except ValueError as error:
                 self.notify(str(error), "error")
                 return False

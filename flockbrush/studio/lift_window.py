@@ -42,7 +42,7 @@ class LiftWindow(Window):
     size : (int, int)
         Pixels.
     theme : {"light", "dark"}, optional
-        The one of the playground unless told.
+        The one of the playground by default.
 
     Attributes
     ----------
@@ -152,8 +152,8 @@ class LiftWindow(Window):
         """Update labels and buttons."""
         flight = self.show.flight
         self.clock.say(f"frame {flight.first + self.k}   {self.k / flight.fps:.2f} of {self.show.seconds:.2f} s")
-        told = self.show.facts(self.k)
-        lines = [*told, *[""] * (3 - len(told)), self.show.about(self.k, self.bird)]
+        facts = self.show.facts(self.k)
+        lines = [*facts, *[""] * (3 - len(facts)), self.show.about(self.k, self.bird)]
         for label, text in zip(self.facts, lines, strict=True):
             label.say(text)
         if self.show.camera is not None:
@@ -335,7 +335,7 @@ class LiftWindow(Window):
     # looking ----------------------------------------------------------------------------------
 
     def look_from(self, camera=None):
-        """Look from there; from beside the whole flight and its camera unless told."""
+        """Look from there; from beside the whole flight and its camera by default."""
         if camera is None or camera.size != tuple(self.area.size):
             camera = self._all(camera)
         self._camera = camera
@@ -418,12 +418,12 @@ class LiftWindow(Window):
     def ask_brush(self):
         """Ask for the file of the brush."""
         self.playing = False
-        found = self.guarded(lambda: self.show.formation(self.k))
-        if found is None:
+        formation = self.guarded(lambda: self.show.formation(self.k))
+        if formation is None:
             return
-        kind = found.frames[0].kind
+        kind = formation.frames[0].kind
         name = f"{Path(self.show.name).name.split('.')[0]}-{kind.lower().replace(' ', '-')}.brush.toml"
-        question = f"The birds of this frame fly as a {kind} ({found.frames[0].why}). Write the brush to:"
+        question = f"The birds of this frame fly as a {kind} ({formation.frames[0].why}). Write the brush to:"
         answers = [("Write", self._brush), ("Write and play", None), ("Cancel", None)]
         where = str(Path(self.show.name).parent / name)
         self.ask("Formation brush", question, answers, where)

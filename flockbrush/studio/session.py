@@ -81,7 +81,7 @@ class Session(Going, Keeping):
         record : path, optional
             Record the run there, and each branch in a file of its own beside it.
         state_folder : path, optional
-            Where what a crash must not take is kept; `recovery.state_folder` unless told.
+            Where what a crash must not take is kept; `recovery.state_folder` by default.
 
         Raises
         ------
@@ -149,9 +149,9 @@ class Session(Going, Keeping):
 
         What they left of sessions without unsaved work goes to the trash.  ``tell`` is told what was set aside.
         """
-        found = leftovers(None if name is None else running.find_level(name), state_folder, tell)
-        wanted = [left for left in found if left.unsaved]
-        for left in found:
+        sessions = leftovers(None if name is None else running.find_level(name), state_folder, tell)
+        wanted = [left for left in sessions if left.unsaved]
+        for left in sessions:
             if left not in wanted:
                 left.discard()
         return wanted

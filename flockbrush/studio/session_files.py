@@ -44,7 +44,7 @@ class LevelFile:
     Parameters
     ----------
     data : bytes, optional
-        What was read from it; what is there now unless told.
+        What was read from it; what is there now by default.
     """
 
     def __init__(self, path, data=None):
@@ -201,8 +201,8 @@ class Keeping:
         folder = project_folder(self.path)
         try:
             if renew_brushes(folder, brush_library(folder / self.path.name)):
-                told = f"Tiled shows the brush {name!r} when the project is opened again"
-                self._say("info", f"{folder / PROJECT_FILE}: {told}")
+                message = f"Tiled shows the brush {name!r} when the project is opened again"
+                self._say("info", f"{folder / PROJECT_FILE}: {message}")
         except (ProblemsError, OSError) as error:
             self._say("warning", f"Tiled does not show the brush: {error}")
 
@@ -279,11 +279,13 @@ class Keeping:
         self.timeline.flush()
         self._shelter.level = self.path
         try:
-            self._shelter.note(self.branch_name, {name: self._told(branch) for name, branch in self.branches.items()})
+            self._shelter.note(
+                self.branch_name, {name: self._files_of(branch) for name, branch in self.branches.items()}
+            )
         except ProblemsError as error:
             self._say("warning", f"new changes are not protected against a crash: {error}")
 
-    def _told(self, branch):
+    def _files_of(self, branch):
         """Where the files of a branch lie."""
         journal = self._journal_of(branch.name)
         return {

@@ -139,7 +139,7 @@ class Going:
         budget_s : float
             Seconds that a scrub may take.
         patience_s : float, optional
-            Seconds to wait for ticks that still run; as long as they take unless told.  While they run, nobody who
+            Seconds to wait for ticks that still run; as long as they take by default.  While they run, nobody who
             has no time to wait may ask for the world: `simulation`, `timeline` and all that comes from there.
         """
         if self._beside.is_done(patience_s):

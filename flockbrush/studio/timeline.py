@@ -385,10 +385,10 @@ class Timeline:
     def _thin(self):
         """Forget kept moments until they fit the budget: those that stand closest to others, the oldest first."""
         while self.memory() > self.budget:
-            found = [(gap, tick, branch) for branch in self.branches.values() for gap, tick in branch.keyframes.gaps()]
-            if not found:
+            gaps = [(gap, tick, branch) for branch in self.branches.values() for gap, tick in branch.keyframes.gaps()]
+            if not gaps:
                 return
-            _, tick, branch = min(found, key=lambda entry: entry[:2])
+            _, tick, branch = min(gaps, key=lambda entry: entry[:2])
             cut = branch.keyframes.cut(tick)
             for other in self.branches.values():  # branches hold in common what they have in common
                 if other.keyframes.cut(tick) is cut:

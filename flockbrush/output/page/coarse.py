@@ -23,12 +23,12 @@ def coarse_triangles(mesh) -> np.ndarray:
     flat = (joined == np.roll(joined, 1, axis=1)).any(axis=1)
     joined = joined[~flat]
     _, first = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)
-    found = [joined[np.sort(first)]]
+    triangles = [joined[np.sort(first)]]
     a, b, c = (mesh.points[mesh.triangles[:, k]] for k in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    owner, present = mesh.part[mesh.triangles[:, 0]], mesh.part[found[0][:, 0]]
+    owner, present = mesh.part[mesh.triangles[:, 0]], mesh.part[triangles[0][:, 0]]
     for part in np.unique(owner):
         if (present == part).sum() < LEAST:
             rows = np.flatnonzero(owner == part)
-            found.append(mesh.triangles[rows[np.argsort(-areas[rows], kind="stable")[:LEAST]]])
-    return np.concatenate(found)
+            triangles.append(mesh.triangles[rows[np.argsort(-areas[rows], kind="stable")[:LEAST]]])
+    return np.concatenate(triangles)

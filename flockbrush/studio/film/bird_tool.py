@@ -283,9 +283,9 @@ class BirdsMode(Mode):
 
     def moments(self):
         c = chrome(self.window.theme)
-        found = [(k, c.faint) for k in self.breaks()]
-        found += [(k, c.accent) for k in sorted(self.state.birds.corrections)]
-        return found + ([(self.state.birds.pending, c.warning)] if self.state.birds.pending is not None else [])
+        marked = [(k, c.faint) for k in self.breaks()]
+        marked += [(k, c.accent) for k in sorted(self.state.birds.corrections)]
+        return marked + ([(self.state.birds.pending, c.warning)] if self.state.birds.pending is not None else [])
 
     def draw(self, canvas):
         birds, k, u = self.state.birds, self.window.k, self.window.scale

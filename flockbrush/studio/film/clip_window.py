@@ -41,7 +41,7 @@ class ClipWindow(Window):
     size : (int, int)
         Pixels.
     theme : {"light", "dark"}, optional
-        The one of the playground unless told.
+        The one of the playground by default.
     camera : path, optional
         Of the camera that filmed, for lifting.
     mode : str

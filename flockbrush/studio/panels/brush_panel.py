@@ -119,8 +119,8 @@ class BrushPanel(Panel):
     def _show(self):
         """The brush as it is now."""
         names = [brush.name for brush in palette_of(self.app.session).own]
-        found = (self._found(name) for name in (self.app.brush, self.name, *names))
-        brush = next((brush for brush in found if brush is not None), None)
+        candidates = (self._found(name) for name in (self.app.brush, self.name, *names))
+        brush = next((brush for brush in candidates if brush is not None), None)
         if brush is None:
             return
         self.name = brush.name

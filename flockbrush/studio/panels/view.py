@@ -123,11 +123,11 @@ class ViewPanel(ScrollPanel):
 def overlays() -> dict[str, dict[str, tuple[str, str]]]:
     """{heading: {name: (title, what it shows)}} of everything that can be laid over the herd."""
     load_overlays()
-    found: dict = {"Herd": dict(ALWAYS), "Ground": {}, "Selected animal": {}}
+    groups: dict = {"Herd": dict(ALWAYS), "Ground": {}, "Selected animal": {}}
     for name, overlay in OVERLAYS.items():
         heading = "Selected animal" if overlay.of_one else "Ground" if overlay.below else "Herd"
-        found[heading][name] = overlay.title, overlay.tip
-    return found
+        groups[heading][name] = overlay.title, overlay.tip
+    return groups
 
 
 def said(scale) -> str:

@@ -35,10 +35,10 @@ class Lead(Tool):
     def press(self, xy, button, mods):
         if button != 1:
             return
-        found = self.app.animal_at(xy, self.reach(9))
-        if found is not None:
+        animal = self.app.animal_at(xy, self.reach(9))
+        if animal is not None:
             self._free()
-            self.app.select(found)
+            self.app.select(animal)
         elif self._is_there():
             self._send_to(xy)
 
