@@ -148,8 +148,8 @@ class Brush(Spec):
             now[name] = int(value) if whole else value
         params, mistakes = validated(type(self.params), now, ("parameters",))
         if mistakes:
-            named = [Problem(self.name, None, ".".join(map(str, path)), message) for path, message in mistakes]
-            raise ProblemsError(named)
+            problems = [Problem(self.name, None, ".".join(map(str, path)), message) for path, message in mistakes]
+            raise ProblemsError(problems)
         return self.model_copy(update={"params": params})
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Brush:

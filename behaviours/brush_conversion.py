@@ -56,8 +56,8 @@ def convert(source: bytes, file: str, library: SpeciesLibrary, species: str = ""
         new, species_names = species_for(brush), (brush.name,)
         load_species(new.encode(), f"{brush.name}{SUFFIX}")  # what is written can be read
     body = usual_body(species_names)
-    kept = brush.body != body and not species and not new
-    text = text if kept else _SECTION.sub("", text, count=1)
+    keeps_body = brush.body != body and not species and not new
+    text = text if keeps_body else _SECTION.sub("", text, count=1)
     text = _with_made_for(text, species_names)
     load_brush(text.encode(), file)
     return Converted(text, species_names, new)

@@ -109,24 +109,24 @@ def validated(model: type[Model], data: dict[str, Any], where: Key = ()) -> tupl
 
 def _known(model: type[BaseModel], data: dict, where: Key) -> tuple[dict, list[Mistake]]:
     """The data without the names the model does not have, and a mistake for each of those."""
-    kept, mistakes = {}, []
+    values, mistakes = {}, []
     for name, value in data.items():
         field = model.model_fields.get(name)
         inner = _table_of(field)
         if field is None:
             mistakes.append((where + (name,), f"unknown name{did_you_mean(name, model.model_fields)}"))
         elif inner and isinstance(value, dict) and _is_open(field):
-            kept[name] = dict(value)
+            values[name] = dict(value)
             for key, table in value.items():
                 if isinstance(table, dict):
-                    kept[name][key], more = _known(inner, table, where + (name, key))
+                    values[name][key], more = _known(inner, table, where + (name, key))
                     mistakes += more
         elif inner and isinstance(value, dict):
-            kept[name], more = _known(inner, value, where + (name,))
+            values[name], more = _known(inner, value, where + (name,))
             mistakes += more
         else:
-            kept[name] = value
-    return kept, mistakes
+            values[name] = value
+    return values, mistakes
 
 
 def _table_of(field: FieldInfo | None) -> type[BaseModel] | None:
@@ -163,15 +163,15 @@ def _tuples(value: Any) -> Any:
 def _field_at(model: type[BaseModel], path: Key) -> FieldInfo | None:
     field: FieldInfo | None = None
     table: type[BaseModel] | None = model
-    named = False  # the part is a name of the writer's own
+    by_name = False  # the part is a name of the writer's own
     for part in path:
-        if named:
-            named = False
+        if by_name:
+            by_name = False
             continue
         if table is None or part not in table.model_fields:
             return None
         field = table.model_fields[str(part)]
-        table, named = _table_of(field), _is_open(field)
+        table, by_name = _table_of(field), _is_open(field)
     return field
 
 

@@ -41,10 +41,10 @@ class Trail:
         """
         marks = marks | traces(world)
         changed = [name for name, mark in marks.items() if self._marks.get(name) != mark]
-        gone = [name for name in self._marks if name not in marks]
+        removed = [name for name in self._marks if name not in marks]
         self._marks = marks
         values = values_of(world, {name: marks[name] for name in changed})
-        return b"".join(self._entry(name, values.get(name, b"")) for name in (*changed, *gone))
+        return b"".join(self._entry(name, values.get(name, b"")) for name in (*changed, *removed))
 
     def _entry(self, name, value):
         known = name in self._numbers

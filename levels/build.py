@@ -111,10 +111,10 @@ class Simulation:
         """All files this simulation was made from, as bytes by name; a recording embeds them."""
         palette = self.world.resource(Palette)
         species = [one for one in self.world.resource(SpeciesList).assets if one is not None]
-        named = {f"brushes/{b.name}.brush.toml": b.source for b in palette.own} | self.level.paths
-        named |= {f"species/{one.name}.species.toml": one.source for one in species}
+        files = {f"brushes/{b.name}.brush.toml": b.source for b in palette.own} | self.level.paths
+        files |= {f"species/{one.name}.species.toml": one.source for one in species}
         programs = self.world.resource(Programs).programs
-        return self.level.files | named | {f"programs/{p.name}.program.toml": p.source for p in programs}
+        return self.level.files | files | {f"programs/{p.name}.program.toml": p.source for p in programs}
 
     def event(self, name, x=0.0, y=0.0, radius=0.0):
         """Send a named event to programs in the next tick: for all animals, or those within a radius (m) of a place."""

@@ -217,8 +217,8 @@ class Editor(CommandStack):
         What a step would do to single animals is forgotten, for they are born anew.
         """
         self.sheet.settle()
-        kept = {id(thing): thing for thing in (self.library, *self.sheet.constants())}
-        other = copy.deepcopy(self, {**kept, id(self._journal): None})
+        shared = {id(thing): thing for thing in (self.library, *self.sheet.constants())}
+        other = copy.deepcopy(self, {**shared, id(self._journal): None})
         other.sheet.find_grids()
         for event in other._events:
             event |= {"tick": 0} | {key: _of_nobody(event[key]) for key in ("back", "again") if event.get(key)}
@@ -314,8 +314,8 @@ class Editor(CommandStack):
         """Every file that the document names."""
         data = self._document.data
         own = {entry["image"] for entry, _ in self.sheet.tiles.playgrounds()}
-        named = [e[k] for e in data.get("tilesets", []) for k in ("source", "image") if k in e and e[k] not in own]
-        return list(dict.fromkeys(named + [n["image"] for n, *_ in self.sheet.layers() if n.get("image")]))
+        file_names = [e[k] for e in data.get("tilesets", []) for k in ("source", "image") if k in e and e[k] not in own]
+        return list(dict.fromkeys(file_names + [n["image"] for n, *_ in self.sheet.layers() if n.get("image")]))
 
     # ------------------------------------------------------------ the journal
 

@@ -243,8 +243,10 @@ def suggested(tilesets, layers) -> list[str]:
         for wangset in dicts(tileset, "wangsets"):
             names = [str(colour.get("name", "")) for colour in dicts(wangset, "colors")]
             rules += [f"terrain {name} = {_WORDS[name.lower()]}" for name in names if name.lower() in _WORDS]
-    named = {name.rsplit("/", 1)[-1] for name in layers}
-    rules += [f"layer {name} = {_WORDS[_first_word(name)]}" for name in sorted(named) if _is_solid(_first_word(name))]
+    base_names = {name.rsplit("/", 1)[-1] for name in layers}
+    rules += [
+        f"layer {name} = {_WORDS[_first_word(name)]}" for name in sorted(base_names) if _is_solid(_first_word(name))
+    ]
     return list(dict.fromkeys(rules))[: limits.GROUND_RULES]
 
 

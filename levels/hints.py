@@ -116,9 +116,9 @@ def _unlinked(level):
     """Goals that neither birth, nor a goal before them, nor the script leads to."""
     if not level.goals:
         return []
-    named = {value for key in level.script for value in key.args.values() if isinstance(value, str)}
+    mentioned = {value for key in level.script for value in key.args.values() if isinstance(value, str)}
     followed = {goal.name: goal.next for goal in level.goals}
-    reached, waiting = set(), [level.goals[0].name, *named]
+    reached, waiting = set(), [level.goals[0].name, *mentioned]
     while waiting:
         name = waiting.pop()
         if name in followed and name not in reached:

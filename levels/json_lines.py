@@ -48,8 +48,8 @@ def parse(data: bytes, max_depth=limits.JSON_DEPTH) -> object:
         return _Decoder(max_depth).decode(text)
     except json.JSONDecodeError as error:
         token = repr(text[error.pos]) if error.pos < len(text) else "the end of the file"
-        said = error.msg[0].lower() + error.msg[1:].removesuffix(" at")
-        raise JsonError(f"not valid JSON: {said}, found {token}", error.lineno) from None
+        reason = error.msg[0].lower() + error.msg[1:].removesuffix(" at")
+        raise JsonError(f"not valid JSON: {reason}, found {token}", error.lineno) from None
     except _Refused as error:
         raise JsonError(error.message, text.count("\n", 0, error.at) + 1) from None
 

@@ -131,10 +131,10 @@ class ObjectReader:
         x, y = real(node, "x", place), real(node, "y", place)
         w, h = real(node, "width", place), real(node, "height", place)
         angle = real(node, "rotation", place, limit=1e6)
-        drawn = self.drawn(node, w, h, place)
-        if drawn is None:
+        outline = self.drawn(node, w, h, place)
+        if outline is None:
             return None
-        kind, points = drawn
+        kind, points = outline
         self.vertices += len(points)
         if self.vertices > limits.LEVEL_CORNERS:
             place.say(f"all outlines together have more than {limits.LEVEL_CORNERS} corners")

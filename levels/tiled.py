@@ -117,8 +117,8 @@ def renew_brushes(folder, library) -> bool:
     if not file.exists():
         return False
     try:
-        kept = json.loads(file.read_bytes())
-        types = [t for t in kept["propertyTypes"] if t["name"] == "BrushAsset"]
+        project = json.loads(file.read_bytes())
+        types = [t for t in project["propertyTypes"] if t["name"] == "BrushAsset"]
         for known in types:
             known["values"] = ["", *library.names()]
     except (ValueError, LookupError, TypeError):
@@ -127,7 +127,7 @@ def renew_brushes(folder, library) -> bool:
         ) from None
     made = project_files(library, known_brushes(folder / BRUSHES_FILE))
     tiles = {name: data for name, data in made.items() if Path(name).stem == Path(BRUSHES_FILE).stem}
-    for name, data in {PROJECT_FILE: _json(kept), **tiles}.items():
+    for name, data in {PROJECT_FILE: _json(project), **tiles}.items():
         (folder / name).parent.mkdir(exist_ok=True)
         write_bytes(folder / name, data)
     return True

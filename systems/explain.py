@@ -213,15 +213,15 @@ def _reasons(palette, agents, scene, row, own):
 def _with_drives(palette, agents, aloft, scene, row, own, reasons):
     """The reasons of model and drives together, and the shares of the drives."""
     brush = agents[BrushBinding.brush][row]
-    taken = None if scene.bodies is None else asked(scene, np.array([row], np.int32), palette.drives[brush])
-    total = 0.0 if taken is None else float(taken.share.sum())
-    if taken is None or total <= 0.0:
+    drive_shares = None if scene.bodies is None else asked(scene, np.array([row], np.int32), palette.drives[brush])
+    total = 0.0 if drive_shares is None else float(drive_shares.share.sum())
+    if drive_shares is None or total <= 0.0:
         return reasons, {}
-    velocity, shares = scene.velocity[row], taken.share[:, 0]
+    velocity, shares = scene.velocity[row], drive_shares.share[:, 0]
     size = np.sqrt((sum(reasons.values()) ** 2).sum())  # models tell directions; drives ask for velocities
     scale = (1.0 - total) * np.sqrt((own**2).sum()) / max(size, 1e-12)
     combined = {name: scale * vector for name, vector in reasons.items()}
-    for name, share, wish in zip(taken.names, shares.tolist(), taken.acceleration[:, 0], strict=True):
+    for name, share, wish in zip(drive_shares.names, shares.tolist(), drive_shares.acceleration[:, 0], strict=True):
         combined[name] = combined.get(name, 0.0) + share * (velocity + TAKES_UP * wish)
     wanted, now = sum(combined.values()), _own_wish(agents, aloft, scene, row)
     if aloft[row] and agents[Thrust.kind][row] == BY_VELOCITY:  # only so far towards it in one tick
@@ -229,7 +229,7 @@ def _with_drives(palette, agents, aloft, scene, row, own, reasons):
         part = min(np.sqrt(((now - velocity) ** 2).sum()) / max(far, 1e-12), 1.0)
         combined = {name: part * vector for name, vector in combined.items()}
         combined["heading"] = combined.get("heading", 0.0) + (1.0 - part) * velocity
-    return combined, dict(zip(taken.names, shares.tolist(), strict=True))
+    return combined, dict(zip(drive_shares.names, shares.tolist(), strict=True))
 
 
 def _unit(vector):

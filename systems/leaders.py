@@ -30,8 +30,8 @@ def need_alive(world, entities):
     need_entities(entities)
     rows = rows_of(world, entities)
     if len(rows) < len(entities):
-        gone = sorted(set(entities) - set(world.agents.ids[rows].tolist()))
-        raise ValueError(f"there is no animal {gone[0]}")
+        missing = sorted(set(entities) - set(world.agents.ids[rows].tolist()))
+        raise ValueError(f"there is no animal {missing[0]}")
     return rows
 
 

@@ -74,19 +74,19 @@ REACH = 0.25  # body lengths from body to body: so near a hunter catches its pre
 def caught(world):
     """(n,) bool, who is caught by a hunter whose species takes its prey out of the world."""
     agents, lists = world.agents, world.resource(Noticed).lists if world.has(Noticed) else None
-    gone = np.zeros(len(agents), bool)
+    leaves = np.zeros(len(agents), bool)
     if lists is None:
-        return gone
+        return leaves
     removes = world.resource(SpeciesList).relations.removes
     hunts = np.flatnonzero(lists.verb == HUNT)
     if not len(hunts) or not removes.any():
-        return gone
+        return leaves
     hunter, prey = np.searchsorted(lists.first, hunts, side="right") - 1, lists.near[hunts]
     species, size = agents[Species.index], agents[Body.axis] + agents[Body.radius]
     near = np.sqrt((lists.offset[hunts] ** 2).sum(axis=1)) - size[hunter] - size[prey]
     fatal = removes[species[hunter], species[prey]] & (near <= REACH * agents[Body.length][hunter])
-    gone[prey[fatal]] = True
-    return gone
+    leaves[prey[fatal]] = True
+    return leaves
 
 
 class Live(System):
@@ -97,16 +97,16 @@ class Live(System):
     writes = (Destination, Nursery)
 
     def process(self, world):
-        gone = np.zeros(len(world.agents), bool)
-        self._arrive(world, gone)
-        self._leave(world, gone)
-        gone |= caught(world)
-        for entity in world.agents.ids[gone].tolist():
+        leaves = np.zeros(len(world.agents), bool)
+        self._arrive(world, leaves)
+        self._leave(world, leaves)
+        leaves |= caught(world)
+        for entity in world.agents.ids[leaves].tolist():
             world.delete_entity(entity)
         self._bear(world)
 
     @staticmethod
-    def _arrive(world, gone):
+    def _arrive(world, leaves):
         land, xyz = world.resource(Landscape), world.agents[Position.xyz]
         bound = world.agents[Destination.goal]
         was = bound.copy()
@@ -115,19 +115,19 @@ class Live(System):
                 continue
             here = (was == k) & in_goal(goal, xyz)
             if goal.on_arrive == "despawn":
-                gone |= here
+                leaves |= here
             elif goal.on_arrive == "next":
                 bound[here] = goal.next_index
             else:  # disperse
                 bound[here] = -1
 
     @staticmethod
-    def _leave(world, gone):
+    def _leave(world, leaves):
         land, xyz = world.resource(Landscape), world.agents[Position.xyz]
         for exit in land.exits:
-            gone |= inside_polygon(xyz, exit.polygon)
+            leaves |= inside_polygon(xyz, exit.polygon)
         if land.boundary == "despawn":
-            gone |= (xyz[:, 0] < 0) | (xyz[:, 1] < 0) | (xyz[:, 0] > land.width) | (xyz[:, 1] > land.height)
+            leaves |= (xyz[:, 0] < 0) | (xyz[:, 1] < 0) | (xyz[:, 0] > land.width) | (xyz[:, 1] > land.height)
 
     @staticmethod
     def _bear(world):

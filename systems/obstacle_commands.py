@@ -189,7 +189,7 @@ class RemoveObstacle:
     def _pairs(self, world):
         land = world.resource(Landscape)
         lists = zip((land.barriers, land.overhead), self.gone(world), strict=True)
-        return [(things, k) for things, gone in lists for k in gone]
+        return [(things, k) for things, rows in lists for k in rows]
 
     def apply(self, world):
         land = world.resource(Landscape)

@@ -216,10 +216,10 @@ class Palette:
         self.drives = [drives_of(b, models[b.model]) for b in self.brushes]  # in order of priority
         self.drives_asked = column(lambda b: any(params.strength > 0.0 for params in b.drives.values())).astype(bool)
         self.drives_needed = np.array([bool(model.needs) for model in self.models], bool)
-        asked = {verb for row in self.drives for one, _ in row for verb in one.notices}
-        self.hunting = "hunt" in asked
+        verbs = {verb for row in self.drives for one, _ in row for verb in one.notices}
+        self.hunting = "hunt" in verbs
         self.hunting |= any("hunt" in model.has for model in self.models)  # whose catch may be fatal
-        self.following = "follow" in asked
+        self.following = "follow" in verbs
         self.exact = np.array([flight.exact for flight in flights], bool)  # the model says the velocity
         self.flies_free = self.flies & ~self.grounded  # through the air, and not held to the ground
         self.least_speed = self.flight[:, 0] if len(flights) else np.zeros(0)  # body lengths / s

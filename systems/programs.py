@@ -204,10 +204,10 @@ class RunPrograms(System):
         open_ = np.ones(len(rows), bool)
         to, cause = state.copy(), np.full(len(rows), BY_END, np.int32)
         for k, trigger in enumerate(compiled.program.triggers):
-            asked = compiled.sources[k][state] & open_ & ((pending < 0) | (pending > k))
-            if not asked.any():
+            candidates = compiled.sources[k][state] & open_ & ((pending < 0) | (pending > k))
+            if not candidates.any():
                 continue
-            held = np.flatnonzero(asked)[trigger.when.holds(senses, rows[asked])]
+            held = np.flatnonzero(candidates)[trigger.when.holds(senses, rows[candidates])]
             if trigger.delay is not None and trigger.delay.high > 0.0:
                 pending[held] = k
                 wait = senses.drawn(f"program {compiled.program.name} delay {k}", trigger.delay, rows[held])
@@ -381,6 +381,6 @@ def replace_program(world, program):
 
 def _keep_counts(programs, old, counted, compiled):
     """Transitions between states that are still there go on being counted."""
-    kept = [name for name in compiled.names if name in old.number]
-    here, there = [compiled.number[name] for name in kept], [old.number[name] for name in kept]
+    names = [name for name in compiled.names if name in old.number]
+    here, there = [compiled.number[name] for name in names], [old.number[name] for name in names]
     programs.transitions[compiled.program.name][np.ix_(here, here)] = counted[np.ix_(there, there)]

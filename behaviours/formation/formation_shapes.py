@@ -188,8 +188,8 @@ def read_formation(document: Any, name: str) -> Formation:
         try:
             frames.append(_frame(frame))
         except (KeyError, TypeError, ValueError, IndexError) as error:
-            said = f"lacks {error}" if isinstance(error, KeyError) else str(error)
-            problems.append(Problem(name, None, f"frames[{k}]", said))
+            reason = f"lacks {error}" if isinstance(error, KeyError) else str(error)
+            problems.append(Problem(name, None, f"frames[{k}]", reason))
     provenance = document.get("provenance", {})
     if not isinstance(provenance, dict):
         problems.append(Problem(name, None, "provenance", "must be a table of names and values"))

@@ -78,12 +78,12 @@ def read_marks(
     turn = guess_heading(grid[0], name) if seen else _heading(heading or "up", name)
     c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
     x, y = grid[..., 0] * s - grid[..., 1] * c, grid[..., 0] * c + grid[..., 1] * s
-    said = {
+    used = {
         "heading_degrees": turn,
         "heading_from": "the shape" if seen else "the call",
         "wingspan_px": wingspan if pixels else None,
     }
-    return Marks(tuple(order), tuple(bird), x, y), said
+    return Marks(tuple(order), tuple(bird), x, y), used
 
 
 def _table(path, name):
@@ -175,11 +175,11 @@ def _gaps(frames, birds, rows, name):
             break
         missing, more = sorted(known - set(here)), sorted(set(here) - known)
         if missing or more:
-            said = [f"lacks {', '.join(missing[:5])}"] * bool(missing) + [f"has also {', '.join(more[:5])}"] * bool(
+            parts = [f"lacks {', '.join(missing[:5])}"] * bool(missing) + [f"has also {', '.join(more[:5])}"] * bool(
                 more
             )
             message = (
-                f"frame {frame!r} has {len(here)} birds, frame {first!r} has {len(of[first])}: it {' and '.join(said)}"
+                f"frame {frame!r} has {len(here)} birds, frame {first!r} has {len(of[first])}: it {' and '.join(parts)}"
             )
             problems.append(Problem(name, last[frame], "bird", message))
     return problems

@@ -43,10 +43,10 @@ def _convert(path, species, output):
 
 def _written(made, folder, name):
     """Write a converted brush and return the text to print."""
-    said = f"made for {', '.join(made.made_for)}"
+    summary = f"made for {', '.join(made.made_for)}"
     if made.species:
         beside = folder / f"{made.made_for[0]}{SUFFIX}"
         write_bytes(beside, made.species.encode(), overwrite=False)
-        said += f"; its body is now in {beside}: move that file to a folder 'species' beside the level"
+        summary += f"; its body is now in {beside}: move that file to a folder 'species' beside the level"
     write_bytes(folder / name, made.text.encode(), overwrite=True)
-    return said
+    return summary

@@ -38,16 +38,16 @@ def edit_recording(job: EditJob):
             file.add(edit, job.layer)
         except ValueError as error:
             raise refused(f"--{edit.kind}", str(error)) from None
-        said = f"{job.layer}: {sentence_of(edit)}"
+        sentence = f"{job.layer}: {sentence_of(edit)}"
     else:
-        said = _managed(job, file)
-    if said is not None:
+        sentence = _managed(job, file)
+    if sentence is not None:
         file.save()
     if job.json:
         print_json(_report(job, file))
         return
-    if said is not None:
-        print_line(said)
+    if sentence is not None:
+        print_line(sentence)
         print_line(f"wrote {file.path}; flockbrush export {job.recording} applies it. The recording is not changed")
         return
     _show(file)
@@ -55,11 +55,11 @@ def edit_recording(job: EditJob):
 
 def _kind(job):
     """The kind of the requested edit, or None; ProblemsError if there are several."""
-    asked = {
+    requested = {
         "delete": job.delete, "move": job.move is not None or job.turn is not None, "retime": job.retime is not None,
         "freeze": job.freeze, "delay": job.delay is not None, "look": bool(job.look),
     }  # fmt: skip
-    kinds = [kind for kind, wanted in asked.items() if wanted]
+    kinds = [kind for kind, wanted in requested.items() if wanted]
     others = [job.undo, job.redo, job.on is not None, job.off is not None, job.remove_layer is not None]
     if len(kinds) + sum(others) > 1:
         raise refused(

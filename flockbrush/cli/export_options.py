@@ -51,13 +51,13 @@ def _parameters(command):
     if not hasattr(command, "export_parameters"):
         from flockbrush.output.exporter import all_options
 
-        asked = [_asked(option, endings) for option, endings in all_options()]
+        export_options = [_asked(option, endings) for option, endings in all_options()]
 
         def options():
             pass
 
-        options.__signature__ = inspect.Signature(asked)
-        options.__annotations__ = {one.name: one.annotation for one in asked}
+        options.__signature__ = inspect.Signature(export_options)
+        options.__annotations__ = {one.name: one.annotation for one in export_options}
         app = typer.Typer(add_completion=False)
         app.command(add_help_option=False)(options)
         command.export_parameters = typer.main.get_command(app).params
@@ -68,15 +68,15 @@ def _asked(option, endings):
     """An exporter option as a parameter of a function for typer; its value is None if it is not given."""
     kind = option.kind if option.default is None or option.many else type(option.default)
     help = f"{option.help} ({' '.join(endings)})"
-    said = {"help": help, "metavar": option.metavar, "show_default": str(option.default)}
+    attributes = {"help": help, "metavar": option.metavar, "show_default": str(option.default)}
     if kind is bool or option.default is None or option.many:
-        del said["show_default"]
+        del attributes["show_default"]
     if option.low is not None or option.high is not None:
-        said |= {"min": option.low, "max": option.high}
+        attributes |= {"min": option.low, "max": option.high}
     if option.choices:
         kind = enum.Enum(option.name, {choice: choice for choice in option.choices})
     wanted = list[kind] | None if option.many else kind | None
-    annotation = Annotated[wanted, typer.Option(_flag(option), **said)]
+    annotation = Annotated[wanted, typer.Option(_flag(option), **attributes)]
     return inspect.Parameter(option.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
 
 

@@ -42,8 +42,8 @@ def fields_of_clip(clip, out, looking: Looking, preview=None, as_json=False) -> 
     _check(clip, out, preview, looking)
     begin = time.perf_counter()
     with held(out), Interrupts(), compiling(), ExitStack() as stack:
-        drawn = _Preview(preview, stack) if preview else None
-        evidence = look_at(clip, looking, drawn)
+        preview_video = _Preview(preview, stack) if preview else None
+        evidence = look_at(clip, looking, preview_video)
         with whole(out) as temporary:
             evidence.save(temporary)
     _tell(out, preview, evidence, time.perf_counter() - begin, as_json)

@@ -112,7 +112,7 @@ def fly(formation_path, wanted, out, plot, json):
         drawing = Drawing(epsilon=wanted.epsilon, method=wanted.method.value, lateral=wanted.lateral)
         flight = SteadyFlight(formation, birds, wanted.seed, wanted.left, drawing, wanted.exchange)
         places = flight.frames(wanted.frames, fps)
-        said = flight.report(places, fps) | {"seconds_to_make": time.perf_counter() - began}
+        report = flight.report(places, fps) | {"seconds_to_make": time.perf_counter() - began}
         if out:
             text = io.StringIO()
             writer = csv.writer(text, lineterminator="\n")
@@ -126,9 +126,9 @@ def fly(formation_path, wanted, out, plot, json):
         if plot:
             _draw_flight(plot, places, flight)
         if json:
-            print_json(said)
+            print_json(report)
             return
-        rows = ((key.replace("_", " "), value) for key, value in said.items())
+        rows = ((key.replace("_", " "), value) for key, value in report.items())
         show(table("measure", "value", rows=rows, right=("value",)))
 
 
@@ -153,8 +153,8 @@ def film_level(level, out, seconds, seed, theme):
 
     alone = held(out) if out.suffix.lower() == ".png" else nullcontext()  # a film holds its own file
     with alone, progress("filming", int(seconds * 16)) as moved:
-        said = film(level, out, seconds, seed, theme=theme, say=moved)
-    say(f"{out}: {said['frames']} frames; mean power saved per bird at the end {number(said['saved'], 3)} (sum of g)")
+        made = film(level, out, seconds, seed, theme=theme, say=moved)
+    say(f"{out}: {made['frames']} frames; mean power saved per bird at the end {number(made['saved'], 3)} (sum of g)")
 
 
 ADDITIONS = {

@@ -25,9 +25,9 @@ class WrittenOptions:
 
     def words(self) -> dict[str, object]:
         """{option: value} of the options that differ from their defaults."""
-        asked = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
+        values = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
         return {
-            "--" + name.replace("_", "-"): value for name, (value, usual) in asked.items() if value not in (usual, [])
+            "--" + name.replace("_", "-"): value for name, (value, usual) in values.items() if value not in (usual, [])
         }
 
 
@@ -198,8 +198,8 @@ def parts_of(text: str | None) -> tuple[str, ...]:
     """The names of --ablate, in the order given."""
     if not text:
         return ()
-    named = [part.strip() for part in text.split(",") if part.strip()]
-    for part in named:
+    names = [part.strip() for part in text.split(",") if part.strip()]
+    for part in names:
         if part not in PARTS:
             from flockbrush.engine.problems import did_you_mean
 
@@ -207,7 +207,7 @@ def parts_of(text: str | None) -> tuple[str, ...]:
                 f"unknown part {part!r}{did_you_mean(part, PARTS)}",
                 param_hint="--ablate",
             )
-    return tuple(dict.fromkeys(named))
+    return tuple(dict.fromkeys(names))
 
 
 def command_line(name: str, arguments, options: dict) -> str:

@@ -97,12 +97,12 @@ def find_birds_and_others(image) -> tuple[list[Patch], list[str]]:
         birds, others, usual = _sorted_out(grey, sky)
         if 2.0 * usual <= _window(grey, share):
             break
-    said = [_sentence(why, some, usual) for why, some in others.items()]
+    sentences = [_sentence(why, some, usual) for why, some in others.items()]
     if long := [f"{p.x:.0f},{p.y:.0f}" for p in birds if p.span > TWO * usual]:
-        said.append(
+        sentences.append(
             f"{len(long)} at {', '.join(long)} as long as two birds, counted as one each; they may be touching birds"
         )
-    return sorted(birds, key=lambda patch: patch.x), said
+    return sorted(birds, key=lambda patch: patch.x), sentences
 
 
 def _sorted_out(grey, sky):
@@ -274,8 +274,8 @@ class PictureTracker:
         places = {bird: Mark(x, y, is_found(x, y, patches)) for bird, x, y in self.seeds[self.frame]}
         no_birds = {bird: mark for bird, mark in now.items() if mark.gone and not self._on(*mark[:2], places.values())}
         if self.frame in self.corrected:
-            taken = [*places.values(), *no_birds.values()]
-            rest = [p for p in patches if not self._on(p.x, p.y, taken)]
+            occupied = [*places.values(), *no_birds.values()]
+            rest = [p for p in patches if not self._on(p.x, p.y, occupied)]
             no_birds |= {next(self._no_birds): Mark(p.x, p.y, True, True) for p in rest}
         return places | no_birds
 
@@ -332,7 +332,7 @@ def mark(paths, every=1):
     """
     looked = [(name, *find_birds_and_others(image)) for name, image in read_pictures(paths, every)]
     frames = [(name, patches) for name, patches, _ in looked]
-    doubts = [f"{name}: {line}" for name, _, said in looked for line in said]
+    doubts = [f"{name}: {line}" for name, _, lines in looked for line in lines]
     if not any(patches for _, patches in frames):
         raise ProblemsError([Problem(str(next(iter(paths))), None, None, "no birds were detected on a plain sky")])
     span = float(np.median([patch.span for _, patches in frames for patch in patches]))

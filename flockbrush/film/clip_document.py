@@ -209,7 +209,7 @@ class Book(StateStack):
 
     def _birds(self, tracks):
         """The birds of a file, or those saved before."""
-        place, said = self.place("tracks.csv"), self.place("corrections.csv")
+        place, corrections = self.place("tracks.csv"), self.place("corrections.csv")
         path = Path(tracks) if tracks is not None else place if place.is_file() else None
         birds = self.state.birds
         if path is not None:
@@ -221,9 +221,9 @@ class Book(StateStack):
                 )
             birds = Birds.of(trajectories, len(self.film))
             self._ours.add(path)
-        if tracks is None and said.is_file():
-            birds = birds.with_corrections(read_marks(said))
-            self._ours.add(said)
+        if tracks is None and corrections.is_file():
+            birds = birds.with_corrections(read_marks(corrections))
+            self._ours.add(corrections)
         return birds
 
     def _read(self, path):

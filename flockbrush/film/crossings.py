@@ -241,9 +241,9 @@ def _name(runs, names, seen, walk):
 def _until(tracks, names, seen, first):
     """The first frame whose identities were set by hand and are not reassigned."""
     who = sorted({*tracks, *names[first, tracks].tolist()})
-    said = np.flatnonzero(seen.fixed[first:, who].any(1))
+    fixed = np.flatnonzero(seen.fixed[first:, who].any(1))
     turns = np.flatnonzero((names[first:, tracks] != names[first, tracks]).any(1))
-    return first + min([*said[:1].tolist(), *turns[:1].tolist(), len(names) - first])
+    return first + min([*fixed[:1].tolist(), *turns[:1].tolist(), len(names) - first])
 
 
 def _shared(f, moved, tracks, old, seen, walk):

@@ -82,8 +82,8 @@ class damage:
     def __exit__(self, kind, error, trace):
         if kind is None or not issubclass(kind, _TROUBLE):
             return False
-        said = str(error).replace("allow_pickle=False", "it").strip("'\"") or kind.__name__
-        raise refused(self.path, f"{_UNKNOWN}, or it is damaged: {said}") from None
+        reason = str(error).replace("allow_pickle=False", "it").strip("'\"") or kind.__name__
+        raise refused(self.path, f"{_UNKNOWN}, or it is damaged: {reason}") from None
 
 
 _TROUBLE = (

@@ -33,10 +33,10 @@ def size_in(clip, steady, masks, given):
     if size is None:
         return BodySize(length, length / LONG, CAPSULE * length**2, 0), length, False, []
     ratio = length / size.length
-    said = f"given body length {length:.0f} pixels, but animals without contact to others measure {size.length:.0f}"
+    warning = f"given body length {length:.0f} pixels, but animals without contact to others measure {size.length:.0f}"
     if abs(ratio - 1) > PARTLY:
         size = scaled(size, ratio)
-    return size, length, apart, [said] if abs(ratio - 1) > 0.25 else []
+    return size, length, apart, [warning] if abs(ratio - 1) > 0.25 else []
 
 
 def scaled(size: BodySize, ratio: float) -> BodySize:

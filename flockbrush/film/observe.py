@@ -132,7 +132,7 @@ class Watch:
         if larger > 1.1 * clip.scale:  # small animals: the pictures are made less small
             clip = open_clip(path, frames, say, min(LARGEST, round(larger * max(clip.full))))
             looks = _animals_in(clip, landmarks, body_colour, body_length_px, say)
-        steady, colours, size, length, apart, said = looks
+        steady, colours, size, length, apart, notes = looks
         cells = grid_over(clip.size, steady.maps, length, grid)
         obstacle = None if painted_on[0] is None else (painted_on[0].max(-1) > 127).astype(np.uint8)
         if obstacle is not None and obstacle.mean() > ROOMLESS:
@@ -146,7 +146,7 @@ class Watch:
             None if obstacle is None else painted(obstacle, cells, clip.scale).astype(bool),
             None if obstacle is None else outlined(obstacle, cells, clip.scale),
             None if numbers is None else painted(numbers.astype(np.uint8), cells, clip.scale),
-            kinds, apart, clip.notes + steady.notes + said,
+            kinds, apart, clip.notes + steady.notes + notes,
         )  # fmt: skip
 
     def evidence(self, say: Say = silent, show=None) -> Evidence:

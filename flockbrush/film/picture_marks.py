@@ -203,8 +203,8 @@ class PictureBook(Book):
 
     def _read_birds(self) -> Birds:
         """The birds that were saved before; all their pictures are then as a person left them."""
-        marks, said = read_marks(self.out, "up", self.wingspan)
-        if said["wingspan_px"] is None or not set(marks.frames) <= set(self.film.names):
+        marks, used = read_marks(self.out, "up", self.wingspan)
+        if used["wingspan_px"] is None or not set(marks.frames) <= set(self.film.names):
             why = "already exists and has no marks for these pictures; choose another name with --out"
             raise refused(self.out, why)
         numbers = {name: int(name) for name in marks.birds if name.isdecimal()}

@@ -345,9 +345,9 @@ def _along_the_way(frame, at, along, begin, half, noise):
     row = np.arange(len(frame))
     low, high = np.maximum(row - half, begin[:-1][track]), np.minimum(row + half, begin[1:][track] - 1)
     way = at[high] - at[low]
-    gone = np.hypot(*way.T)
-    way = way / np.maximum(gone, 1e-12)[:, None]
-    fast = (gone > WALKED) & (gone > SURE_WAY * noise) & (frame[high] - frame[low] <= 2 * half)
+    distance = np.hypot(*way.T)
+    way = way / np.maximum(distance, 1e-12)[:, None]
+    fast = (distance > WALKED) & (distance > SURE_WAY * noise) & (frame[high] - frame[low] <= 2 * half)
     aside = fast & (np.abs((way * along).sum(1)) < ACROSS)
     return np.where(aside[:, None], way, along), aside
 
@@ -362,11 +362,11 @@ def _heads(at, along, begin, noise, looks, angle, moved):
         a, b = begin[track], begin[track + 1]
         back = np.zeros((b - a, 2), np.int64)
         cost = np.zeros(2)
-        gone = 0.0
+        distance = 0.0
         for k in range(a, b):
             lo, hi = max(a, k - 3), min(b - 1, k + 3)
             dx, dy = at[hi, 0] - at[lo, 0], at[hi, 1] - at[lo, 1]
-            gone = max(gone, np.hypot(at[k, 0] - at[a, 0], at[k, 1] - at[a, 1]))
+            distance = max(distance, np.hypot(at[k, 0] - at[a, 0], at[k, 1] - at[a, 1]))
             forwards = (dx * along[k, 0] + dy * along[k, 1]) / (2.5 * noise + 0.02)
             forwards = min(max(forwards, -4.0), 4.0)
             new = np.zeros(2)
@@ -387,7 +387,7 @@ def _heads(at, along, begin, noise, looks, angle, moved):
             s = back[k - a, s]
         for k in range(a + 1, b):
             angle[k] -= 2 * np.pi * np.round((angle[k] - angle[k - 1]) / (2 * np.pi))
-        moved[a:b] = gone
+        moved[a:b] = distance
 
 
 @njit(cache=True, nogil=True)

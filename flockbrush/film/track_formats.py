@@ -166,28 +166,28 @@ def _long_table(path, header, where, columns, names, animal, degrees=False):
     """The table of rows of named animals, from any kind of file."""
     about, notes = beside(path), []
     x, y = columns["x"], columns["y"]
-    kept = np.isfinite(x) & np.isfinite(y)
+    valid = np.isfinite(x) & np.isfinite(y)
     if where["frame"] is None:
-        kept &= np.isfinite(columns["time"])
-    if not kept.any():
+        valid &= np.isfinite(columns["time"])
+    if not valid.any():
         raise refused(path, "no row has a position")
     unit = about.get("unit") if about.get("unit") in ("m", "px", "bl") else None
     if degrees:
-        x, y = _metres(path, x, y, kept)
+        x, y = _metres(path, x, y, valid)
         unit = "m"
     else:
         unit = unit or _unit_of_name(header[where["x"]])
     fps = about.get("fps") if isinstance(about.get("fps"), int | float) else None
     if where["frame"] is not None:
-        frames = _whole(path, columns["frame"][kept])
+        frames = _whole(path, columns["frame"][valid])
         fps = fps or _rate(columns["frame"], columns.get("time"))
     else:
-        frames, fps, off = _frames_of_times(path, columns["time"][kept])
+        frames, fps, off = _frames_of_times(path, columns["time"][valid])
         if off > 0.25:
             notes.append(f"times were rounded to {fps:g} frames per second")
-    heading = None if degrees or "heading" not in columns else columns["heading"][kept]
+    heading = None if degrees or "heading" not in columns else columns["heading"][valid]
     xy, ids, numbers, turned = placed(
-        path, frames, names, animal[kept], np.column_stack([x[kept], y[kept]]), heading
+        path, frames, names, animal[valid], np.column_stack([x[valid], y[valid]]), heading
     )  # fmt: skip
     return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes)
 
@@ -198,11 +198,11 @@ def _unit_of_name(name):
     return {"x_px": "px", "x_bl": "bl"}.get(name)
 
 
-def _metres(path, longitude, latitude, kept):
+def _metres(path, longitude, latitude, valid):
     """Metres east and north of the middle, by a plate carrée that is true there."""
-    if not ((np.abs(latitude[kept]) <= 90).all() and (np.abs(longitude[kept]) <= 360).all()):
+    if not ((np.abs(latitude[valid]) <= 90).all() and (np.abs(longitude[valid]) <= 360).all()):
         raise refused(path, "location-lat must be -90 to 90 and location-long -360 to 360 degrees")
-    middle = np.median(longitude[kept]), np.median(latitude[kept])
+    middle = np.median(longitude[valid]), np.median(latitude[valid])
     return (longitude - middle[0]) * EARTH * np.cos(np.radians(middle[1])), (latitude - middle[1]) * EARTH
 
 

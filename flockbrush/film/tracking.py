@@ -225,8 +225,8 @@ class Tracker:
         reach = self.reach or max(6.0, 2.2 * np.sqrt(usual))
         seen, area, apart = self._parts(blobs, usual, reach)
         free = np.ones(len(seen), bool)
-        for number, x, y, *gone in self.by_hand.get(self.frame, ()):
-            self._by_hand(number, np.array([x, y]), seen, free, reach, any(gone))
+        for number, x, y, *removed in self.by_hand.get(self.frame, ()):
+            self._by_hand(number, np.array([x, y]), seen, free, reach, any(removed))
         self._match(seen, area, free, reach)
         self._begin(seen, area, free & apart, reach)
         self._unmask(set(map(tuple, seen[~apart].tolist())))
@@ -341,14 +341,14 @@ class Tracker:
                 bird.missed = GAP + 1
 
     def _let_go(self):
-        kept = []
+        remaining = []
         for bird in self.birds:
             if bird.missed > (GAP if bird.sure else 1):
                 if bird.sure:
                     self.gone.append(bird)
             else:
-                kept.append(bird)
-        self.birds = kept
+                remaining.append(bird)
+        self.birds = remaining
 
     def tracks(self) -> Tracks:
         """The tracks so far, broken ones joined, in order of number.

@@ -58,15 +58,15 @@ def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, 
     from flockbrush.render.scenery import BareScenery
 
     scenery = BareScenery(simulation) if clean else Scenery(simulation)
-    drawn = {"words": False, "trails": None} if clean else {}
+    options = {"words": False, "trails": None} if clean else {}
     if view != "space":
         size = size or picture_size(simulation.level, words=0 if clean else WORDS)
-        plan = Painter(scenery, size=size, theme=theme, **drawn)
+        plan = Painter(scenery, size=size, theme=theme, **options)
         plan.dust = dust and not clean
         return plan
     from flockbrush.render.space_view import SpacePainter
 
-    painter = SpacePainter(scenery, size or IN_SPACE, theme, **drawn)
+    painter = SpacePainter(scenery, size or IN_SPACE, theme, **options)
     painter.dust, painter.bare = dust and not clean, clean
     if elevation is None:
         agents = simulation.agents

@@ -142,8 +142,8 @@ class SceneMeshes:
 
     def areas(self) -> list[SceneLine]:
         """Outlines of exits and areas."""
-        named = [*self.scenery.exits, *self.level.areas]
-        return [self._line(thing.name, thing.polygon, True) for thing in named]
+        areas = [*self.scenery.exits, *self.level.areas]
+        return [self._line(thing.name, thing.polygon, True) for thing in areas]
 
     def goals(self) -> list[SceneGoal]:
         """The goals."""

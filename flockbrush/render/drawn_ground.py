@@ -346,7 +346,7 @@ def said(name, values):
 def placed(names, clip, height):
     """[(text, x, y, colour)] of those names that fit into the clip and lie on no other, in their order."""
     left, top, right, bottom = clip
-    taken: list[tuple] = []
+    occupied: list[tuple] = []
     places = []
     for text, at, colour in names:
         text = str(text or "")[:40]
@@ -356,8 +356,8 @@ def placed(names, clip, height):
         x = min(max(at[0] - wide / 2, left + 4), right - wide - 4)
         y = min(max(at[1] - tall / 2, top + 3), bottom - tall - 3)
         box = (x - 3, y - 2, x + wide + 3, y + tall + 2)
-        if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in taken):
-            taken.append(box)
+        if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in occupied):
+            occupied.append(box)
             places.append((text, round(x), round(y), colour))
     return places
 

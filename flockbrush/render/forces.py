@@ -76,12 +76,12 @@ def arrows_of(terms, unit=1.0):
     turning = [(name, np.array(vector, float) * (1, -1)) for name, vector in terms if name != "heading"]
     size = [float(np.hypot(*vector)) for _, vector in turning]
     most = max(size, default=0.0)
-    kept = []
+    arrows = []
     for (name, vector), strong in zip(turning, size, strict=True):
         if most > 0 and strong > LEFT_OUT * most:
             long = max(LONGEST * np.sqrt(strong / most), SHORTEST) * unit
-            kept.append((name, vector / strong * long))
-    return kept
+            arrows.append((name, vector / strong * long))
+    return arrows
 
 
 def _arrow(canvas, at, way, clear, colour, theme, unit, thin=False):

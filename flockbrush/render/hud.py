@@ -71,8 +71,8 @@ class Hud:
         large = round(1.2 * height)
         name = shortened(str(title or ""), large, right - layout.pad)
         left = layout.pad + canvas.words(name, (layout.pad, y), large, theme.ink, anchor=(0, 0.5)) + 2 * height
-        said = shortened(say(measures), height, right - left)
-        canvas.words(said, (right, y), height, theme.muted, anchor=(1, 0.5))
+        text = shortened(say(measures), height, right - left)
+        canvas.words(text, (right, y), height, theme.muted, anchor=(1, 0.5))
 
     def scale_bar(self, frame, camera: ViewCamera) -> float:
         """A bar of a round number of metres at the bottom right; returns its left end in pixels."""
@@ -129,12 +129,12 @@ class Hud:
         height = self.layout.font
         y = self.layout.size[1] - self.layout.below + round(1.15 * height)
         room = right - left - sum(map(self._width, marks))
-        kept = list(entries)
-        while len(kept) > 1 and sum(map(self._width, kept)) + (kept != entries) * 5 * height > room:
-            kept.pop()
+        fitting = list(entries)
+        while len(fitting) > 1 and sum(map(self._width, fitting)) + (fitting != entries) * 5 * height > room:
+            fitting.pop()
         canvas, x = Canvas(frame), left
-        more = [(f"+{len(entries) - len(kept)} more", "", None)] * (kept != entries)
-        for name, count, look in [*kept, *more, *marks]:
+        more = [(f"+{len(entries) - len(fitting)} more", "", None)] * (fitting != entries)
+        for name, count, look in [*fitting, *more, *marks]:
             if x + self._width((name, count, look)) - height > right:
                 return
             if look is not None:

@@ -170,8 +170,8 @@ class Overlays:
 
     def _cap_layer(self, camera, made_of):
         values, rows, columns = made_of
-        said = np.unique(values[np.isfinite(values)])
-        regions = [(value, f"max {value:g} m/s", self._cap_colour(value, said)) for value in said]
+        caps = np.unique(values[np.isfinite(values)])
+        regions = [(value, f"max {value:g} m/s", self._cap_colour(value, caps)) for value in caps]
         return self._filled(camera, self.scenery.land.surface[..., 1], rows, columns, regions, 0.45)
 
     def _filled(self, camera, raster, rows, columns, regions, alpha):
@@ -204,17 +204,17 @@ class Overlays:
         return tuple(int(c) for c in scale_colours(self.theme.name)[round(255 * (0.95 - 0.8 * share))])
 
     def _cap_legend(self, frame, camera, values, foot):
-        said = np.unique(values[np.isfinite(values)])
-        if not len(said):
+        caps = np.unique(values[np.isfinite(values)])
+        if not len(caps):
             return self._note(frame, camera, "no speed limits in view", foot)
         canvas, u = Canvas(frame, camera.view), self.unit
-        chosen = said if len(said) <= 6 else said[np.linspace(0, len(said) - 1, 6).astype(int)]
+        chosen = caps if len(caps) <= 6 else caps[np.linspace(0, len(caps) - 1, 6).astype(int)]
         left, wide, tall = camera.view[0] + 12 * u, 62 * u, 16 * u
         box = (left, foot - 46 * u, left + max(len(chosen) * wide + 16 * u, 140 * u), foot)
         self._panel(canvas, box, "speed limits, m/s")
         for k, value in enumerate(chosen):
             x = left + 8 * u + k * wide
-            canvas.area(box_of(x, foot - 22 * u, x + tall, foot - 22 * u + tall), self._cap_colour(value, said), 0.85)
+            canvas.area(box_of(x, foot - 22 * u, x + tall, foot - 22 * u + tall), self._cap_colour(value, caps), 0.85)
             canvas.words(
                 f"{value:g}", (x + tall + 5 * u, foot - 14 * u), round(13 * u), self.theme.ink, anchor=(0, 0.5)
             )
@@ -271,9 +271,9 @@ class Overlays:
         iy, ix = (np.minimum((xy[:, k] / land.cell).astype(int), n - 1) for k, n in ((1, ny), (0, nx)))
         way = navigation.at(xy, goal if goal < len(navigation.fields) - 1 else -1) * (1, -1)
         strength = np.hypot(*way.T)
-        kept = (strength > 0.02) & ~land.blocked[iy, ix]
-        at, strength = at[kept], strength[kept]
-        along = way[kept] / strength[:, None]
+        drawn = (strength > 0.02) & ~land.blocked[iy, ix]
+        at, strength = at[drawn], strength[drawn]
+        along = way[drawn] / strength[:, None]
         long = (0.30 + 0.34 * np.minimum(strength, 1))[:, None] * step
         tail, tip, aside = at - along * long / 2, at + along * long / 2, along[:, ::-1] * (-1, 1) * 0.14 * step
         back = tip - along * 0.24 * step

@@ -170,9 +170,9 @@ class Tiles:
         height = max(10, round(12 * self.unit))
         inner = self._sketcher.inner
         clip = inner if inner[2] > inner[0] and inner[3] > inner[1] else (0, 0, 0, 0)
-        named = placed(self._sketcher.names(), clip, height)
-        changed = [name for name in [*self.named, *named] if (name in self.named) != (name in named)]
-        self.named = named
+        labels = placed(self._sketcher.names(), clip, height)
+        changed = [name for name in [*self.named, *labels] if (name in self.named) != (name in labels)]
+        self.named = labels
         if hasattr(self, "image") and self.image.shape == self._bare.shape:
             for name in changed:
                 self._compose(_label_box(name, height))

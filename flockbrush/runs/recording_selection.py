@@ -26,9 +26,9 @@ class Selection:
         return self != Selection()
 
     def __str__(self):
-        named = [f"{name} {value}" for name in ("species", "brush", "state") if (value := getattr(self, name))]
+        conditions = [f"{name} {value}" for name in ("species", "brush", "state") if (value := getattr(self, name))]
         placed = [f"{name} {getattr(self, name)}" for name in ("box", "near") if getattr(self, name) is not None]
-        return ", ".join([*(["ids"] if self.ids else []), *named, *placed]) or "all"
+        return ", ".join([*(["ids"] if self.ids else []), *conditions, *placed]) or "all"
 
 
 def chosen(selection: Selection, moment, words) -> np.ndarray:

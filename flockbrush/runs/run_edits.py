@@ -226,9 +226,9 @@ class Past:
 
     def keep(self, moment: Moment):
         """Keep the animals of a moment."""
-        kept = rows_of(moment, np.flatnonzero(np.isin(moment.ids, self.ids)))
-        columns: dict = {name: value for name, value in vars(kept).items() if isinstance(value, np.ndarray)}
-        columns |= {(name,): codes for name, codes in kept.labels.items()}
+        selected = rows_of(moment, np.flatnonzero(np.isin(moment.ids, self.ids)))
+        columns: dict = {name: value for name, value in vars(selected).items() if isinstance(value, np.ndarray)}
+        columns |= {(name,): codes for name, codes in selected.labels.items()}
         at, layout = self._file.seek(0, 2), []
         for name, values in columns.items():
             layout.append((name, values.dtype, values.shape))

@@ -258,8 +258,8 @@ class Response:
         means[1:-1] = 0.25 * means[:-2] + 0.5 * means[1:-1] + 0.25 * means[2:]  # few seeds leave stairs
         change = np.abs(np.diff(means, axis=0)).sum(1)
         change += max(KEEP_GOING, 1.0 - change.sum()) * np.diff(points)
-        gone = np.concatenate([[0.0], np.cumsum(change)])
-        positions = np.interp(np.linspace(0.0, gone[-1], steps + 1), gone, points)
+        travelled = np.concatenate([[0.0], np.cumsum(change)])
+        positions = np.interp(np.linspace(0.0, travelled[-1], steps + 1), travelled, points)
         positions[0], positions[-1] = 0.0, 1.0
         return positions
 
@@ -305,17 +305,17 @@ def goes_back(measured: Measured) -> np.ndarray:
 
 def faults(measured: Measured) -> list[str]:
     """What keeps a way from being even, in words."""
-    said = []
+    sentences = []
     back, allowed = goes_back(measured)
     for column, name in enumerate(MEASURES):
         step = np.abs(np.diff(measured.mean[:, column])).max()
         if back[column] > allowed[column]:
-            said.append(f"{name} goes back by {back[column]:.2f}")
+            sentences.append(f"{name} goes back by {back[column]:.2f}")
         if step > MOST_STEP:
-            said.append(f"{name} changes by {step:.2f} in one step")
+            sentences.append(f"{name} changes by {step:.2f} in one step")
         if measured.deviation[:, column].max() >= MOST_DEVIATION:
-            said.append(f"{name} deviates by {measured.deviation[:, column].max():.2f} between seeds")
-    return said
+            sentences.append(f"{name} deviates by {measured.deviation[:, column].max():.2f} between seeds")
+    return sentences
 
 
 def table(path: Morph) -> str:
@@ -328,8 +328,8 @@ def table(path: Morph) -> str:
         cells = [f"{m.mean[k, c]:.2f} ± {m.deviation[k, c]:.2f}" for m in ways.values() for c in (0, 1)]
         lines.append(f"{k:>2} / {steps:<2} {along:.4f}  {'   '.join(cells)}")
     for name in ("path", "straight line"):
-        said = faults(ways[name])
-        lines.append(f"{name}: {'; '.join(said) if said else 'even'}")
+        sentences = faults(ways[name])
+        lines.append(f"{name}: {'; '.join(sentences) if sentences else 'even'}")
     lines += [f"jumps by {size:.2f} at {where:.4f} of the way" for where, size in path.jumps]
     return "\n".join([*lines, verdict(path.swept, path.path.even)])
 
@@ -339,10 +339,10 @@ def verdict(swept: Branches, even: bool) -> str:
     point, column, apart, error = swept.widest()
     name, last = MEASURES[column], len(swept.there.mean) - 1
     there, back = (m.mean[point, column] for m in swept)
-    said = f"at {point}/{last} {name} is {there:.2f} there and {back:.2f} back (standard error {error:.2f})"
+    sentence = f"at {point}/{last} {name} is {there:.2f} there and {back:.2f} back (standard error {error:.2f})"
     if not swept.hysteresis:
-        return f"no hysteresis: {said}"
+        return f"no hysteresis: {sentence}"
     jumps = [np.abs(np.diff(m.mean[:, column])) for m in swept]
     largest = [f"{jump.max():.2f} between {jump.argmax()}/{last} and {jump.argmax() + 1}/{last}" for jump in jumps]
     kind = "hysteresis, though fresh herds change evenly" if even else "bistable"
-    return f"{kind}: {said}; largest step there {largest[0]}, back {largest[1]}"
+    return f"{kind}: {sentence}; largest step there {largest[0]}, back {largest[1]}"

@@ -168,8 +168,8 @@ def parse_sweep(data: bytes, name: str, folder=Path()) -> Sweep:
     toml = parse_toml(data, name)
     if toml.data.get("schema") != SCHEMA:
         given = toml.data.get("schema")
-        said = "is missing" if given is None else f"is {shown(given)}"
-        raise ProblemsError([Problem(name, toml.line(("schema",)), "schema", f"{said}; it must be {SCHEMA!r}")])
+        problem = "is missing" if given is None else f"is {shown(given)}"
+        raise ProblemsError([Problem(name, toml.line(("schema",)), "schema", f"{problem}; it must be {SCHEMA!r}")])
     tables, problems = _parameter_tables(toml)
     plain = {key: value for key, value in toml.data.items() if key not in ("schema", "grid", "fixed", "case")}
     document, mistakes = validated(_Document, plain)
@@ -272,8 +272,8 @@ def _scenarios(toml, tables, experiment, folder, measures):
                 toml.problem(("measures",), f"there is no measure {shown(name)}{did_you_mean(name, ready.measures)}")
                 for name in unknown
             ]
-            kept = tuple(measures or ready.measures)
-            made.append(Scenario(_hash(experiment.name, ready), varied, ready.parameters, ready.files, kept))
+            measured = tuple(measures or ready.measures)
+            made.append(Scenario(_hash(experiment.name, ready), varied, ready.parameters, ready.files, measured))
     if problems:
         raise ProblemsError(_in_order(problems))
     return tuple(made)

@@ -128,11 +128,11 @@ def _kept(expectation, scenarios):
         twin = next((s for s in scenarios if s["parameters"] == other), None)
         if twin is not None and twin is not scenario:
             least = mean_of(twin, expectation.measure)
-            said = ", ".join(
+            expectations = ", ".join(
                 f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
                 for name, value in expectation.more_than.items()
             )
-            yield line | {"expected": f"more than {least:.4g} ({said})", "kept": bool(mean > least)}
+            yield line | {"expected": f"more than {least:.4g} ({expectations})", "kept": bool(mean > least)}
 
 
 # for people ------------------------------------------------------------------------------

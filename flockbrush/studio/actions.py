@@ -199,9 +199,9 @@ class Deeds:
             self.ask("The level file was deleted", f"{self.session.path} does not exist any more.", answers)
             return
         answers = [("Reload", self._reload), ("Keep mine", lambda: self._reload("mine"))]
-        kept = "  Both versions are kept: yours in a .mine.bak file, the other in a .theirs.bak file."
-        kept = kept if self.session.dirty else ""
-        self.ask("The level file has changed", f"Another program has changed this level file.{kept}", answers)
+        advice = "  Both versions are kept: yours in a .mine.bak file, the other in a .theirs.bak file."
+        advice = advice if self.session.dirty else ""
+        self.ask("The level file has changed", f"Another program has changed this level file.{advice}", answers)
 
     def offer_recovery(self, left):
         """Ask whether to recover the unsaved changes of a crashed session."""
@@ -264,8 +264,8 @@ class Deeds:
         """Stop the video, if one is being recorded."""
         film, self.film = self.film, None
         if film is not None:
-            said = film.close()
-            self.notify(said, "error" if film.problem else "info")
+            message = film.close()
+            self.notify(message, "error" if film.problem else "info")
 
     # the window ------------------------------------------------------------------------
 

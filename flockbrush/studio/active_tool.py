@@ -55,9 +55,9 @@ class Hand:
         flying = sum(spawn.count if self._flies(spawn.brush) else -spawn.count for spawn in spawns) > 0
         quiet = [name for name in quiet if self._flies(name) == flying] or quiet
         others = [name for name in quiet if name not in used]
-        for wished in ("mill-hollow", "swarm", "mill-filled"):
-            if wished in others:
-                return wished
+        for preferred in ("mill-hollow", "swarm", "mill-filled"):
+            if preferred in others:
+                return preferred
         return (others or quiet or names or [""])[0]
 
     def _binds(self, name, present):

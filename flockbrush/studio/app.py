@@ -169,13 +169,13 @@ class App(Hand, Deeds, CanvasEvents, Window):
             self.guarded(self.session.set_off, budget)
         looked = time.perf_counter()
         self.guarded(self.canvas.draw)
-        drawn = time.perf_counter()
+        drawn_at = time.perf_counter()
         self.guarded(self._show, dt)
         shown = time.perf_counter()
         self.seconds = {
             "simulation": lived - handled,
-            "drawing": drawn - looked,
-            "interface": handled - begin + looked - lived + shown - drawn,
+            "drawing": drawn_at - looked,
+            "interface": handled - begin + looked - lived + shown - drawn_at,
         }
 
     def _between_ticks(self):

@@ -51,8 +51,8 @@ class Manager(pygame_gui.UIManager):
         for element in self.ui_group.sprites():
             shape = element.drawable_shape
             if shape is not None and shape.states_to_redraw_queue:
-                drawn = [name for name in shape.states_to_redraw_queue if shape.states[name].generated]
-                shape.states_to_redraw_queue = deque(drawn)
+                generated = [name for name in shape.states_to_redraw_queue if shape.states[name].generated]
+                shape.states_to_redraw_queue = deque(generated)
         super().update(time_delta)
 
 

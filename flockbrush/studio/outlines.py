@@ -18,8 +18,8 @@ def thinned(points, tolerance) -> np.ndarray:
     if len(points) < 3:
         return points
     origin = points.mean(axis=0)
-    kept = cv2.approxPolyDP((points - origin).astype(np.float32)[:, None], float(tolerance), False)
-    return kept[:, 0].astype(float) + origin
+    corners = cv2.approxPolyDP((points - origin).astype(np.float32)[:, None], float(tolerance), False)
+    return corners[:, 0].astype(float) + origin
 
 
 def swath(points, radius) -> list[np.ndarray]:

@@ -69,8 +69,8 @@ class Shelter:
         branches : dict of str to dict
             ``recording`` and ``journal`` (paths or None), ``parent`` and ``left``.
         """
-        said = {"level": str(self.level), "current": current, "branches": branches}
-        write_bytes(self.folder / NOTE, json.dumps(said, default=str, indent=1).encode())
+        entries = {"level": str(self.level), "current": current, "branches": branches}
+        write_bytes(self.folder / NOTE, json.dumps(entries, default=str, indent=1).encode())
 
     def close(self, keep=False, unsaved=False):
         """The session has ended.

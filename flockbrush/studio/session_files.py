@@ -211,13 +211,13 @@ class Keeping:
     def tell_size(self, path):
         """Say how fast the file of a recording will grow, and for how long the disk has room if that is not long."""
         rate = running.hashed_rate(self.simulation)
-        said = f"{path.name} grows by about {60 * rate / 1e6:.2g} MB per minute of the run"
+        message = f"{path.name} grows by about {60 * rate / 1e6:.2g} MB per minute of the run"
         with suppress(OSError):
             minutes = shutil.disk_usage(path.parent).free / (60 * rate)
             if minutes < LITTLE_ROOM:
-                self._say("warning", f"{said}; the disk has room for {minutes:.0f} minutes")
+                self._say("warning", f"{message}; the disk has room for {minutes:.0f} minutes")
                 return
-        self._say("info", said)
+        self._say("info", message)
 
     def export_recording(self, path):
         """Write the current branch as a recording that ``flockbrush replay --verify`` accepts; whether it worked."""

@@ -171,9 +171,9 @@ class TimeBar:
     def draw(self):
         """Show the strip as it is now."""
         if self.strip is not None:
-            said = self._said()
-            if said != self._shown:
-                self._shown = said
+            content = self._said()
+            if content != self._shown:
+                self._shown = content
                 self.image.set_image(self._strip())
 
     def _said(self):

@@ -269,8 +269,8 @@ class Timeline:
 
     def _stand(self, tick):
         """Put a kept moment of the current branch into the world."""
-        kept = self.current.keyframes if self.current.keyframes.cut(tick) is not None else self._near
-        restore(self.simulation.world, kept[tick])
+        snapshots = self.current.keyframes if self.current.keyframes.cut(tick) is not None else self._near
+        restore(self.simulation.world, snapshots[tick])
         self.queue.replace([])
         self.queue.lived = math.inf  # what the script does is among what was done
         self.queue.log.clear()
@@ -301,12 +301,12 @@ class Timeline:
 
     def give_up(self):
         """Undo the last `fork`: the branch goes, and the world stands again where it left its parent."""
-        gone = self.branches.pop(self.current.name)
-        if gone.scribe is not None:
-            gone.scribe.discard()
-        self.current = self.branches[gone.parent]
-        self._stand(self.current.keyframes.before(gone.left))
-        self.go_to(gone.left)
+        branch = self.branches.pop(self.current.name)
+        if branch.scribe is not None:
+            branch.scribe.discard()
+        self.current = self.branches[branch.parent]
+        self._stand(self.current.keyframes.before(branch.left))
+        self.go_to(branch.left)
 
     def switch(self, name):
         """Stand at the end of another branch; LookupError."""

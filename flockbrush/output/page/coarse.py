@@ -13,13 +13,13 @@ def coarse_triangles(mesh) -> np.ndarray:
 
     Points of a part in one cell of a grid become the point that is nearest to their mean.
     """
-    kept = np.arange(len(mesh.points))
+    vertices = np.arange(len(mesh.points))
     cells = np.column_stack([np.floor(mesh.points / CELL).astype(int), mesh.part])
     for cell in np.unique(cells, axis=0):
         rows = np.flatnonzero((cells == cell).all(axis=1))
         away = ((mesh.points[rows] - mesh.points[rows].mean(axis=0)) ** 2).sum(axis=1)
-        kept[rows] = rows[np.argmin(away)]
-    joined = kept[mesh.triangles]
+        vertices[rows] = rows[np.argmin(away)]
+    joined = vertices[mesh.triangles]
     flat = (joined == np.roll(joined, 1, axis=1)).any(axis=1)
     joined = joined[~flat]
     _, first = np.unique(np.sort(joined, axis=1), axis=0, return_index=True)

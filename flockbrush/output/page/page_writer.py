@@ -105,8 +105,8 @@ class PageWriter:
         style = (HERE / "style.css").read_text(encoding="utf-8")
         text = (HERE / "page.html").read_text(encoding="utf-8")
         title = f"{self.simulation.level.name} · Flockbrush"
-        for mark, said in (("TITLE", _escaped(title)), ("STYLE", f":root{{{colours}}}\n{style}"), ("MODE", look.name)):
-            text = text.replace(f"{{{{{mark}}}}}", said)
+        for mark, value in (("TITLE", _escaped(title)), ("STYLE", f":root{{{colours}}}\n{style}"), ("MODE", look.name)):
+            text = text.replace(f"{{{{{mark}}}}}", value)
         self._write(text)
         self._write(f"<!--\n{(HERE / 'three.LICENSE.txt').read_text(encoding='utf-8')}-->\n")
         self._data("three", (HERE / "three.min.js").read_bytes())

@@ -132,8 +132,8 @@ class Xforms:
     def write(self, frame, moment, clip, phase):
         """Set every animal of a frame; the bytes that takes."""
         ids, here = moment.ids.tolist(), set(moment.ids.tolist())
-        for gone in sorted(self._here - here):
-            self._animals[gone]["shown"].hide(frame)
+        for vanished in sorted(self._here - here):
+            self._animals[vanished]["shown"].hide(frame)
         self._names = self._bodies.names()
         at, scales, turns = moment.xyz.tolist(), self._bodies.scales(moment).tolist(), self._turns.of(moment).tolist()
         carried = primvars_of(moment, phase)

@@ -117,10 +117,10 @@ class BirdsMode(Mode):
 
     def _follow(self, k):
         self._follower = self._follower or Follower(self.window.film.again())
-        follower, asked = self._follower, self.state.birds
+        follower, birds_before = self._follower, self.state.birds
 
         def then(birds):
-            if self.state.birds is not asked:
+            if self.state.birds is not birds_before:
                 self.window.toasts.say("Birds were corrected in the meantime; track on again.", "warning")
                 return
             self.book.do(f"tracked from frame {k}", self.name, k, birds=birds)
@@ -128,7 +128,9 @@ class BirdsMode(Mode):
             no = "No bird could be tracked: birds must be small, and darker or lighter than the sky."
             self.window.toasts.say(f"Tracked {some} from frame {k}." if birds.ids else no)
 
-        self.window.job("birds", f"tracking birds from frame {k}", lambda say: follower.follow(asked, k, say), then)
+        self.window.job(
+            "birds", f"tracking birds from frame {k}", lambda say: follower.follow(birds_before, k, say), then
+        )
 
     def stop_following(self):
         """Leave the tracks as they are."""
@@ -292,7 +294,7 @@ class BirdsMode(Mode):
         places = {bird: self.window.at(place) for bird, place in birds.at(k).items()}
         if self.held is not None and self.held[0] == "bird" and self._far():
             places[self.held[1]] = self.held[3]
-        said = birds.corrections.get(k, {})
+        corrections = birds.corrections.get(k, {})
         if self.tail >= 1:
             for bird in places:
                 tail = self.window.at(birds.tail(bird, k, round(self.tail)))
@@ -300,7 +302,7 @@ class BirdsMode(Mode):
         self._labels = {}
         radius = self._radius(np.array(list(places.values())))
         for bird, at in places.items():
-            self._draw_bird(canvas, bird, at, radius, bird in said and not said[bird][2])
+            self._draw_bird(canvas, bird, at, radius, bird in corrections and not corrections[bird][2])
         for bird, place in birds.lost(k).items():
             self._draw_lost(canvas, bird, self.window.at(place), radius)
         if self.held is not None and self.held[0] == "number" and self._far():
@@ -314,7 +316,7 @@ class BirdsMode(Mode):
         gaps = np.linalg.norm(places[:, None] - places[None], axis=-1) + np.diag(np.full(len(places), np.inf))
         return float(np.clip(0.5 * np.median(gaps.min(0)), 3.5 * u, RING * u))
 
-    def _draw_bird(self, canvas, bird, at, radius, said):
+    def _draw_bird(self, canvas, bird, at, radius, corrected):
         u, theme = self.window.scale, self.window.theme
         if not -50 < at[0] < canvas.image.shape[1] + 50 or not -50 < at[1] < canvas.image.shape[0] + 50:
             return
@@ -322,7 +324,7 @@ class BirdsMode(Mode):
         colour, halo, dash = self.look(bird)
         canvas.ring(at, radius, (2.0 + 3.5 * thin if mine else 3.6 * thin) * u, halo, 0.8)
         canvas.ring(at, radius, (3.0 if mine else 1.8) * u, chrome(theme).accent if mine else colour, dash=dash)
-        if said:
+        if corrected:
             canvas.disc(at, 3.4 * u, theme.paper)
             canvas.disc(at, 2.2 * u, chrome(theme).accent)
         if mine or radius > 0.6 * RING * u:  # in a throng numbers would hide the birds: zoom in

@@ -147,10 +147,10 @@ class AnimalPanel(ScrollPanel):
         pygame.draw.circle(surface, self.app.colour_of(brush.name), (px(8), px(15)), px(7))
         species = session.simulation.world.resource(SpeciesList).names[agents[Species.index][row]]
         write(surface, f"{species} {entity}", (px(22), px(15)), px(15), colours.ink, bold=True, room=self.wide - px(24))
-        for k, (words, said) in enumerate(facts):
+        for k, (words, value) in enumerate(facts):
             y = px(30) + (k + 0.5) * self.row
             write(surface, words, (0, y), px(13), colours.muted)
-            write(surface, said, (self.wide, y), px(13), colours.ink, (1, 0.5), room=0.66 * self.wide)
+            write(surface, value, (self.wide, y), px(13), colours.ink, (1, 0.5), room=0.66 * self.wide)
         self.pictures["facts"].show(surface)
 
     def _show_pulls(self, explanation, pulls):
@@ -171,8 +171,8 @@ class AnimalPanel(ScrollPanel):
             write(surface, "This model does not report its forces.", (0, y), px(13), self.colours.muted, room=self.wide)
             y += self.row
         fastest = palette_of(session).max_turn[palette_of(session).named(explanation.brush)]
-        said = turning(explanation.turn / session.clock.dt, fastest)
-        write(surface, said, (0, y), px(13), self.colours.ink, bold=True, room=self.wide)
+        text = turning(explanation.turn / session.clock.dt, fastest)
+        write(surface, text, (0, y), px(13), self.colours.ink, bold=True, room=self.wide)
         picture.show(surface)
 
 

@@ -149,17 +149,17 @@ class BrushPanel(Panel):
     def _say(self, brush, asset):
         count = len(changes(brush, asset))
         animals = self._animals(brush)
-        said = f"{brush.model} · {brush.provenance.kind} · {animals}", f"{count} changed" if count else "unchanged"
-        if self.about.said != (said, self.app.theme.name):
+        texts = f"{brush.model} · {brush.provenance.kind} · {animals}", f"{count} changed" if count else "unchanged"
+        if self.about.said != (texts, self.app.theme.name):
             surface, height, px = blank(self.about.size), self.px(13), self.px
             middle = surface.get_height() / 2
             colour = self.colours.accent if count else self.colours.muted
             right = surface.get_width() - write(
-                surface, said[1], (surface.get_width(), middle), height, colour, (1, 0.5)
+                surface, texts[1], (surface.get_width(), middle), height, colour, (1, 0.5)
             )
             pygame.draw.circle(surface, self.app.colour_of(brush.name), (px(7), middle), px(6))
-            write(surface, said[0], (px(18), middle), height, self.colours.muted, room=right - px(24))
-            self.about.show(surface, (said, self.app.theme.name))
+            write(surface, texts[0], (px(18), middle), height, self.colours.muted, room=right - px(24))
+            self.about.show(surface, (texts, self.app.theme.name))
             title, more = brush.title or brush.name, brush.description or "No description."
             self.about.element.set_tooltip(f"<b>{html.escape(title)}</b><br>{html.escape(more)}<br>{whence(brush)}")
         (self.drop.enable if count else self.drop.disable)() if self.drop.is_enabled != bool(count) else None
@@ -281,9 +281,9 @@ class BrushPanel(Panel):
 
     def _free_name(self, name):
         """A name like this one that no brush has: march-2, and after that march-3."""
-        taken = {*self.app.session.library.names(), *palette_of(self.app.session).names}
+        used_names = {*self.app.session.library.names(), *palette_of(self.app.session).names}
         stem = re.sub(r"-\d+$", "", name)[:58]
-        return next(f"{stem}-{k}" for k in range(2, 10_000) if f"{stem}-{k}" not in taken)
+        return next(f"{stem}-{k}" for k in range(2, 10_000) if f"{stem}-{k}" not in used_names)
 
     def save_as(self, name: str):
         """Save the running numbers under a new name, bring them into the world, and take them in hand.

@@ -127,9 +127,9 @@ class StatesPanel(ScrollPanel):
         if program is not None:
             here = counts(self.world)[program.name]
             for state, label in self.counted.items():
-                said = f"{state}   {here.get(state, 0):,}"
-                if label.text != said:
-                    label.set_text(said)
+                text = f"{state}   {here.get(state, 0):,}"
+                if label.text != text:
+                    label.set_text(text)
 
     def _brushes(self):
         return self.app.session.library.names()

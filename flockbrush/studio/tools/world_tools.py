@@ -89,8 +89,8 @@ def outline(kind, thing):
 
 def free_name(simulation, kind) -> str:
     """A name that no thing of this kind has yet: "goal 2"."""
-    taken = {getattr(thing, "name", "") for there, thing in things(simulation) if there == kind}
-    return next(name for n in range(1, len(taken) + 2) if (name := f"{kind} {n}") not in taken)
+    used_names = {getattr(thing, "name", "") for there, thing in things(simulation) if there == kind}
+    return next(name for n in range(1, len(used_names) + 2) if (name := f"{kind} {n}") not in used_names)
 
 
 def moved(app, kind, thing, shift):
