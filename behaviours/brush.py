@@ -248,9 +248,9 @@ def _read(toml: TomlFile, models: Mapping[str, Any]) -> Brush:
         mistakes.append((("params",), "unknown name"))
     document["drives"], more = _read_drives(document.get("drives", {}))
     mistakes += more
-    made = document.pop("drives")  # objects already, which `validated` would take for tables
+    drives = document.pop("drives")  # objects already, which `validated` would take for tables
     brush, more = validated(Brush, document)
-    brush = brush.model_copy(update={"drives": made}) if brush is not None else None
+    brush = brush.model_copy(update={"drives": drives}) if brush is not None else None
     for path, message in mistakes + more:
         problems.append(toml.problem(path, _belongs(path, message, models, document)))
     if brush is None or problems:
@@ -281,7 +281,7 @@ def _read_drives(written: Any) -> tuple[dict[str, BaseModel], list[tuple[Key, st
     """The parameters of each drive, in the order of the file, and what is wrong with them."""
     if not isinstance(written, dict):
         return {}, [(("drives",), f"must be tables, [drives.NAME], got {shown(written)}")]
-    known, made = _drives(), {}
+    known, params_by_name = _drives(), {}
     mistakes: list[tuple[Key, str]] = []
     for name, table in written.items():
         if name not in known:
@@ -289,9 +289,9 @@ def _read_drives(written: Any) -> tuple[dict[str, BaseModel], list[tuple[Key, st
         elif not isinstance(table, dict):
             mistakes.append((("drives", name), f"must be a table, got {shown(table)}"))
         else:
-            made[name], more = validated(known[name].Params, table, ("drives", name))
+            params_by_name[name], more = validated(known[name].Params, table, ("drives", name))
             mistakes += more
-    return {name: params for name, params in made.items() if params is not None}, mistakes
+    return {name: params for name, params in params_by_name.items() if params is not None}, mistakes
 
 
 def _grouped(path: Key, message: str, model: Any, written: dict) -> str:

@@ -125,7 +125,7 @@ def mixed(start: Brush, end: Brush, share: float, path: BrushPath | None = None,
         A straight line without it.
     """
     along, extra = (share, {}) if path is None else path.at(share)
-    made = start.model_copy(
+    blend = start.model_copy(
         update={
             "name": name or start.name,
             "title": f"{share:.0%} of the way from {start.name} to {end.name}",
@@ -137,7 +137,7 @@ def mixed(start: Brush, end: Brush, share: float, path: BrushPath | None = None,
             "colour": _colour(start.colour, end.colour, share),
         }
     )
-    return made
+    return blend
 
 
 def _number(a, b, share):
@@ -154,10 +154,10 @@ def _between(a: BaseModel, b: BaseModel, share: float, extra: dict[str, float]) 
             values[name] = round(value) if isinstance(one, int) and isinstance(two, int) else value
         else:
             values[name] = one if share < 0.5 else two
-    made, mistakes = validated(type(a), values)
-    if made is None:
+    params, mistakes = validated(type(a), values)
+    if params is None:
         raise ValueError("; ".join(f"{'.'.join(map(str, where))}: {message}" for where, message in mistakes))
-    return made
+    return params
 
 
 def _drives_between(a: dict, b: dict, share: float) -> dict:

@@ -212,15 +212,15 @@ def _read(toml: TomlFile) -> Program:
             mistakes.append(((word,), _misspelt(word)))
             del document[word]
     whole = {**document, "name": name, "states": {}, "triggers": ()}
-    made, wrong = _validated(Program, whole, ())
+    program, wrong = _validated(Program, whole, ())
     mistakes += wrong
-    if made is not None and states is not None:
-        made = made.model_copy(update={"states": states, "triggers": triggers})
-        mistakes += _meanings(made)
+    if program is not None and states is not None:
+        program = program.model_copy(update={"states": states, "triggers": triggers})
+        mistakes += _meanings(program)
     problems += [toml.problem(path, message) for path, message in mistakes]
-    if made is None or problems:
+    if program is None or problems:
         raise ProblemsError(sorted(problems, key=lambda problem: problem.line or 0))
-    return _with_streams(made)
+    return _with_streams(program)
 
 
 def _misspelt(word):

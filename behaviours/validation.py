@@ -96,15 +96,15 @@ def validated(model: type[Model], data: dict[str, Any], where: Key = ()) -> tupl
     known, mistakes = _known(model, data, where)
     mistakes += _unfit(known, where)
     reported = {path for path, _ in mistakes}
-    made = None
+    model_object = None
     try:
-        made = model.model_validate(_tuples(known), strict=True)
+        model_object = model.model_validate(_tuples(known), strict=True)
     except ValidationError as error:
         for item in error.errors(include_url=False):
             path = where + item["loc"]
             if not any(path[: len(other)] == other for other in reported):
                 mistakes.append((path, _message(model, item)))
-    return (made if not mistakes else None), mistakes
+    return (model_object if not mistakes else None), mistakes
 
 
 def _known(model: type[BaseModel], data: dict, where: Key) -> tuple[dict, list[Mistake]]:

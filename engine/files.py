@@ -58,16 +58,16 @@ def output_problems(paths, inputs=()):
     -------
     list of Problem
     """
-    problems, seen = [], {}
+    problems, first_use = [], {}
     read = {os.path.realpath(path): path for path in inputs}
     for path in map(Path, paths):
         real = os.path.realpath(path)
         message = _obstacle(path)
         if message is None and real in read:
             message = "is also an input file; choose another name"
-        if message is None and real in seen:
+        if message is None and real in first_use:
             message = "would be written twice; each output needs its own name"
-        seen[real] = path
+        first_use[real] = path
         if message:
             problems.append(Problem(str(path), None, None, message))
     return problems

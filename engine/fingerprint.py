@@ -117,7 +117,7 @@ def cpu():
 # what differs ------------------------------------------------------------------------------
 
 
-def differing_files(there, here, own=None):
+def differing_files(recorded, current, own=None):
     """["systems/pace.py", "mine.py (not here)", ...]: sources that are not the same in two builds.
 
     Parameters
@@ -127,14 +127,20 @@ def differing_files(there, here, own=None):
     own : collection of str, optional
         First folders of files that count when they are only here; all of them by default.
     """
-    differing = [name if name in here else f"{name} (not here)" for name in there if here.get(name) != there[name]]
-    new = [name for name in here if name not in there and (own is None or name.split("/")[0] in own)]
+    differing = [
+        name if name in current else f"{name} (not here)" for name in recorded if current.get(name) != recorded[name]
+    ]
+    new = [name for name in current if name not in recorded and (own is None or name.split("/")[0] in own)]
     return sorted(differing + [f"{name} (only here)" for name in new])
 
 
-def differing_packages(there, here):
+def differing_packages(recorded, current):
     """["numpy 2.1 (here 2.4)", ...]: versions that are not the same in two builds."""
-    return [f"{name} {there[name]} (here {here.get(name)})" for name in sorted(there) if there[name] != here.get(name)]
+    return [
+        f"{name} {recorded[name]} (here {current.get(name)})"
+        for name in sorted(recorded)
+        if recorded[name] != current.get(name)
+    ]
 
 
 def some_of(names, shown=SHOWN):

@@ -24,9 +24,9 @@ class Limit(int):
     of: str
 
     def __new__(cls, value, unit, of):
-        made = super().__new__(cls, value)
-        made.unit, made.of = unit, of
-        return made
+        limit = super().__new__(cls, value)
+        limit.unit, limit.of = unit, of
+        return limit
 
     @property
     def text(self) -> str:

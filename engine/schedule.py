@@ -150,15 +150,15 @@ def _in_words(a, b, shared):
 def _watched(world):
     """{type: [copies]} of all columns and of all states of resources."""
     agents = world.agents
-    seen = {kind: [agents.ids.copy(), *(agents[f].copy() for f in kind.fields.values())] for kind in agents.kinds}
-    return seen | {type(r): r.state() for r in world.resources() if hasattr(r, "state")}
+    columns = {kind: [agents.ids.copy(), *(agents[f].copy() for f in kind.fields.values())] for kind in agents.kinds}
+    return columns | {type(r): r.state() for r in world.resources() if hasattr(r, "state")}
 
 
 def _differ(before, after):
     if isinstance(before, bytes):
         return before != after
-    stay, there = np.isin(before[0], after[0]), np.isin(after[0], before[0])
+    stay, kept_after = np.isin(before[0], after[0]), np.isin(after[0], before[0])
     return any(
-        not np.array_equal(old[stay], new[there], equal_nan=old.dtype.kind == "f")
+        not np.array_equal(old[stay], new[kept_after], equal_nan=old.dtype.kind == "f")
         for old, new in zip(before[1:], after[1:], strict=True)
     )

@@ -76,14 +76,14 @@ def _cpu_of(table):
 
 def _copy(shipped, house, place):
     """Copy what is shipped to where numba looks for it; once."""
-    done = place / f"{cache_name(house)}.json"
-    if done.exists():
+    marker = place / f"{cache_name(house)}.json"
+    if marker.exists():
         return
     files = [path for path in shipped.rglob("*") if path.is_file() and path.parent != shipped]
     for path in sorted(files, key=lambda path: path.suffix):  # what an index names is there before it
         sources = house / "flockbrush" / path.parent.relative_to(shipped)
         _copy_whole(path, place / cache_name(sources) / path.name)
-    _copy_whole(shipped / TABLE, done)
+    _copy_whole(shipped / TABLE, marker)
 
 
 def _copy_whole(path, to):

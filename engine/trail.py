@@ -99,8 +99,8 @@ def _value(column, mark):
 
 def traces(world):
     """{name: digest} of what is made anew in every tick and is no part of the state: resources with a ``trace()``."""
-    made = ((f"resource {type(r).__name__}", r.trace()) for r in world.resources() if hasattr(r, "trace"))
-    return {name: digest_of(arrays) for name, arrays in made}
+    named_arrays = ((f"resource {type(r).__name__}", r.trace()) for r in world.resources() if hasattr(r, "trace"))
+    return {name: digest_of(arrays) for name, arrays in named_arrays}
 
 
 def words_of(column):

@@ -261,13 +261,13 @@ class World:
         for entity in self.plain_entities():
             if entity not in kept_ids:
                 esper.delete_entity(entity, immediate=True)
-        wanted = set(np.asarray(ids).tolist())
-        for entity in self._agent_set - wanted:
+        new_ids = set(np.asarray(ids).tolist())
+        for entity in self._agent_set - new_ids:
             esper.delete_entity(entity, immediate=True)
         esper._dead_entities.clear()
         self._dying = set()
-        born = sorted(wanted - self._agent_set)
-        self._agent_set.intersection_update(wanted)
+        born = sorted(new_ids - self._agent_set)
+        self._agent_set.intersection_update(new_ids)
         self.agents.replace(ids, columns)
         self._register(born)
         self._counter.next = int(next_entity)

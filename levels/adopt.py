@@ -68,9 +68,9 @@ def adopt(source, output=None, metres_per_tile=1.0) -> Adoption:
     """
     source = Path(source)
     output = _output_of(source, output)
-    theirs, reader = _read(source)
-    _refuse_others(source, theirs)
-    document = copy.deepcopy(theirs)
+    source_map, reader = _read(source)
+    _refuse_others(source, source_map)
+    document = copy.deepcopy(source_map)
     if output.parent.resolve() != source.parent.resolve():
         _move(document, source.parent.resolve(), output.parent.resolve())
     tilesets = [tileset.node for tileset in reader.tiles.tilesets]

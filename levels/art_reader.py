@@ -104,9 +104,9 @@ class ArtReader:
         place = self.reader.place.at(tileset.node, f"tileset {tileset.name!r}")
         if tileset.node.get("image"):
             self._read(tileset.folder, tileset.node["image"], place)
-        wanted = set(numbers)
+        gids = set(numbers)
         for tile in dicts(tileset.node, "tiles"):
-            if tile.get("id") in wanted and tile.get("image"):
+            if tile.get("id") in gids and tile.get("image"):
                 self._read(tileset.folder, tile["image"], place)
 
     def _read(self, folder, name, place):

@@ -99,10 +99,10 @@ class _Checks:
     def names(self):
         """Goals are sent for by name; counts and densities are reported by name."""
         for what, things in (("goals", self.level.goals), ("measures", self.level.lines + self.level.areas)):
-            seen = defaultdict(list)
+            places = defaultdict(list)
             for thing in things:
-                seen[thing.name].append(thing)
-            for name, same in seen.items():
+                places[thing.name].append(thing)
+            for name, same in places.items():
                 for thing in same[1:]:
                     self.place(thing).say(f"two {what} have the name {name[:60]!r}; the other is object {same[0].id}")
 

@@ -203,8 +203,8 @@ class Editor(CommandStack):
         """
         early = [event for event in self._events if event["tick"] < tick + after or event["event"] == "save"]
         other = self._replayed(early)
-        known, mine = ([step.serial for step in each.done] for each in (other, self))
-        later = self.done[len(known) :] if mine[: len(known)] == known else []
+        known, own_serials = ([step.serial for step in each.done] for each in (other, self))
+        later = self.done[len(known) :] if own_serials[: len(known)] == known else []
         if later:  # built on what is there; after an undo it would be built on something else
             other.undone = [step.copy() for step in reversed(later)]
         other._serial, other._saved, other._highest = self._serial, self._saved, self._highest
@@ -295,17 +295,17 @@ class Editor(CommandStack):
 
     def _copied(self, to):
         """{name in the file: new name} of what a file in another folder calls differently, copied where needed."""
-        here, there = self.path.parent.resolve(), to.parent.resolve()
-        if here == there:
+        source_folder, target_folder = self.path.parent.resolve(), to.parent.resolve()
+        if source_folder == target_folder:
             return {}
         moved, root = {}, project_folder(to)
         for name in self._named():
-            source = Path(os.path.normpath(here / name))
+            source = Path(os.path.normpath(source_folder / name))
             if source.is_relative_to(root):
-                new = PurePosixPath(os.path.relpath(source, there).replace(os.sep, "/")).as_posix()
+                new = PurePosixPath(os.path.relpath(source, target_folder).replace(os.sep, "/")).as_posix()
             else:
                 new = f"tilesets/{source.name}" if name.endswith(".tsj") else source.name
-                _copy_beside(source, there / new)
+                _copy_beside(source, target_folder / new)
             if new != name:
                 moved[name] = new
         return moved

@@ -102,8 +102,8 @@ class ObjectReader:
         """Whether this class may have this shape."""
         kind, points = shape
         if kind not in cls.shapes:
-            wanted = " or ".join(_SHAPES[s] for s in cls.shapes)
-            place.say(f"{article(cls.name)} must be {wanted}, but this is {_SHAPES[kind]}")
+            shapes = " or ".join(_SHAPES[s] for s in cls.shapes)
+            place.say(f"{article(cls.name)} must be {shapes}, but this is {_SHAPES[kind]}")
             return False
         if kind == "area" and not self.sound(points, place):
             return False

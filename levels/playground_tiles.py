@@ -73,12 +73,12 @@ class PlaygroundTiles:
         number = max(used, default=-1) + 1
         rows = number // COLUMNS + 1
         tile = self.map.data["tilewidth"]
-        made = entry | {
+        new_entry = entry | {
             "imageheight": rows * tile, "tilecount": rows * COLUMNS,
             "tiles": [*entry["tiles"], _tile(number, cls, values)],
         }  # fmt: skip
         others = [e for e in self.map.data.get("tilesets", []) if e["firstgid"] != entry["firstgid"]]
-        self.map.set(self.map.data, "tilesets", [*others, made])
+        self.map.set(self.map.data, "tilesets", [*others, new_entry])
         return entry["firstgid"] + number
 
     def _roomy(self):

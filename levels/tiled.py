@@ -125,8 +125,8 @@ def renew_brushes(folder, library) -> bool:
         raise ProblemsError(
             [Problem(str(file), None, None, "is damaged: flockbrush level init creates it again")]
         ) from None
-    made = project_files(library, known_brushes(folder / BRUSHES_FILE))
-    tiles = {name: data for name, data in made.items() if Path(name).stem == Path(BRUSHES_FILE).stem}
+    files = project_files(library, known_brushes(folder / BRUSHES_FILE))
+    tiles = {name: data for name, data in files.items() if Path(name).stem == Path(BRUSHES_FILE).stem}
     for name, data in {PROJECT_FILE: _json(project), **tiles}.items():
         (folder / name).parent.mkdir(exist_ok=True)
         write_bytes(folder / name, data)

@@ -166,7 +166,7 @@ def _explained(small, entity):
     lists, walls = small.resource(Sight).lists, small.resource(ObstaclesInSight)
     if palette.flies[brush] and scene.air is not None:
         lists = scene.air
-    seen = slice(lists.first[row], lists.first[row + 1])
+    neighbours = slice(lists.first[row], lists.first[row + 1])
     return Explanation(
         entity=int(entity),
         xy=agents[Position.xyz][row, :2].copy(),
@@ -176,8 +176,8 @@ def _explained(small, entity):
         shares=shares,
         result=agents[Wish.direction][row, :2].copy(),
         pace=float(agents[Wish.pace][row]),
-        sees=agents.ids[lists.near[seen]].tolist(),
-        offsets=lists.offset[seen, :2].copy(),
+        sees=agents.ids[lists.near[neighbours]].tolist(),
+        offsets=lists.offset[neighbours, :2].copy(),
         reference=int(agents[ReferenceBird.entity][row]),
         leader=bool(agents[Role.leader][row]),
         brush=palette.names[brush],
@@ -223,9 +223,9 @@ def _with_drives(palette, agents, aloft, scene, row, own, reasons):
     combined = {name: scale * vector for name, vector in reasons.items()}
     for name, share, wish in zip(drive_shares.names, shares.tolist(), drive_shares.acceleration[:, 0], strict=True):
         combined[name] = combined.get(name, 0.0) + share * (velocity + TAKES_UP * wish)
-    wanted, now = sum(combined.values()), _own_wish(agents, aloft, scene, row)
+    total_wish, now = sum(combined.values()), _own_wish(agents, aloft, scene, row)
     if aloft[row] and agents[Thrust.kind][row] == BY_VELOCITY:  # only so far towards it in one tick
-        far = np.sqrt(((wanted - velocity) ** 2).sum())
+        far = np.sqrt(((total_wish - velocity) ** 2).sum())
         part = min(np.sqrt(((now - velocity) ** 2).sum()) / max(far, 1e-12), 1.0)
         combined = {name: part * vector for name, vector in combined.items()}
         combined["heading"] = combined.get("heading", 0.0) + (1.0 - part) * velocity

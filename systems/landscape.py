@@ -131,9 +131,9 @@ class Landscape:
         """(ny, nx) bool, where the ground as read is no other than its kind: there one may say so by its name."""
         native, everywhere = self.native, (..., slice(None))
         properties = {name: self._of_ground(name, None, native.kind, *everywhere) for name in (*OF_BARE, *native.more)}
-        there = native.walkable, native.blind, native.cost, native.factor
-        there = dict(zip(OF_BARE, there, strict=True)) | native.more
-        return np.logical_and.reduce([properties[name] == there[name] for name in there])
+        rasters = native.walkable, native.blind, native.cost, native.factor
+        rasters = dict(zip(OF_BARE, rasters, strict=True)) | native.more
+        return np.logical_and.reduce([properties[name] == rasters[name] for name in rasters])
 
     @property
     def wrap(self):
@@ -346,9 +346,9 @@ class Landscape:
             height = height.reshape(blocked.shape)
             steep = steepest_within(self.steepness, self.relief_cell, blocked.shape, self.cell)
         closed = [blocked] if height is None else [blocked | (steep > limit) for limit in self.slope_limits]
-        made = [navigation_of(guides, goals, where, cost, self.cell, height=height) for where in closed]
-        return made[0] if len(made) == 1 else Navigation(self.cell, *(np.concatenate(part) for part in zip(
-            *((one.fields, one.times) for one in made), strict=True
+        parts = [navigation_of(guides, goals, where, cost, self.cell, height=height) for where in closed]
+        return parts[0] if len(parts) == 1 else Navigation(self.cell, *(np.concatenate(part) for part in zip(
+            *((one.fields, one.times) for one in parts), strict=True
         )))  # fmt: skip
 
     def _inputs(self):

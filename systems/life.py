@@ -113,13 +113,13 @@ class Live(System):
         for k, goal in enumerate(land.goals):
             if goal.on_arrive == "stay":
                 continue
-            here = (was == k) & in_goal(goal, xyz)
+            arrived = (was == k) & in_goal(goal, xyz)
             if goal.on_arrive == "despawn":
-                leaves |= here
+                leaves |= arrived
             elif goal.on_arrive == "next":
-                bound[here] = goal.next_index
+                bound[arrived] = goal.next_index
             else:  # disperse
-                bound[here] = -1
+                bound[arrived] = -1
 
     @staticmethod
     def _leave(world, leaves):

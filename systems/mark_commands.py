@@ -144,9 +144,9 @@ class PlaceKey(OfThing):
         need(0 <= self.when <= 1e7, f"when must be 0 to 1e7 s, got {self.when:g}")
         inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
         need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
-        given = from_record(self.command, self.given())
-        if hasattr(given, "check"):
-            given.check(world)
+        command = from_record(self.command, self.given())
+        if hasattr(command, "check"):
+            command.check(world)
 
     def given(self):
         """The command's arguments, with the place where the key stands."""

@@ -76,10 +76,10 @@ class AddObstacle:
 
     def stand(self, land):
         """(z_min, z_max, shape, corners); what is not told is as it was, or from the ground up."""
-        there = next((b for b in (*land.barriers, *land.overhead) if self.id and b.id == self.id), None)
+        existing = next((b for b in (*land.barriers, *land.overhead) if self.id and b.id == self.id), None)
         usual = (0.0, 1000.0, "box", None)
-        if there is not None:
-            usual = there.z_min, there.z_max, there.shape, there.corners
+        if existing is not None:
+            usual = existing.z_min, existing.z_max, existing.shape, existing.corners
         given = self.z_min, self.z_max, self.shape, self.corners
         return tuple(b if a is None else a for a, b in zip(given, usual, strict=True))
 
@@ -88,9 +88,9 @@ class AddObstacle:
         return polygon_of(self.points, "an obstacle")
 
     def ground_box(self, world):
-        things, mine = self._things(world.resource(Landscape)), box_of(self.polygon())
-        there = by_id(things, self.id)
-        return mine if there is None else around(mine, box_of(things[there].polygon))
+        things, box = self._things(world.resource(Landscape)), box_of(self.polygon())
+        index = by_id(things, self.id)
+        return box if index is None else around(box, box_of(things[index].polygon))
 
     def touches(self, world):
         return [TouchedThings("obstacle")]
@@ -107,9 +107,9 @@ class AddObstacle:
         stops = self.polygon(), self.solid, self.blocks_view, self.margin
         barrier = Obstacle(self.id, self.name, *stops, *stands, corners)
         things = self._things(land)
-        before, there = list(things), by_id(things, self.id)
-        if there is not None:
-            things[there] = barrier
+        before, index = list(things), by_id(things, self.id)
+        if index is not None:
+            things[index] = barrier
         else:
             things.insert(self.at if 0 <= self.at < len(things) else len(things), barrier)
         land.rebuild(navigation=False)

@@ -16,8 +16,8 @@ def counts(world):
     programs, agents = world.resource(Programs), world.agents
     counted = {}
     for number, compiled in enumerate(programs.compiled):
-        here = agents[ProgramState.state][agents[ProgramState.program] == number]
-        tally = np.bincount(here, minlength=len(compiled.names))
+        states = agents[ProgramState.state][agents[ProgramState.program] == number]
+        tally = np.bincount(states, minlength=len(compiled.names))
         counted[compiled.program.name] = dict(zip(compiled.names, tally.tolist(), strict=True))
     return counted
 

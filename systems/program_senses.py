@@ -100,9 +100,9 @@ class WorldSenses:
     def _flags(self, names):
         if ANYONE in names:
             return np.ones(len(self.ids), np.uint8)
-        wanted = [k for k, name in enumerate(self._species_names) if name in names]
+        indices = [k for k, name in enumerate(self._species_names) if name in names]
         flags = np.zeros(len(self.ids), np.uint8)
-        for k in wanted:
+        for k in indices:
             flags |= self.species == k
         return flags
 

@@ -382,5 +382,7 @@ def replace_program(world, program):
 def _keep_counts(programs, old, counted, compiled):
     """Transitions between states that are still there go on being counted."""
     names = [name for name in compiled.names if name in old.number]
-    here, there = [compiled.number[name] for name in names], [old.number[name] for name in names]
-    programs.transitions[compiled.program.name][np.ix_(here, here)] = counted[np.ix_(there, there)]
+    new_numbers, old_numbers = [compiled.number[name] for name in names], [old.number[name] for name in names]
+    programs.transitions[compiled.program.name][np.ix_(new_numbers, new_numbers)] = counted[
+        np.ix_(old_numbers, old_numbers)
+    ]

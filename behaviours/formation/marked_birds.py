@@ -74,13 +74,13 @@ def read_marks(
     if pixels and wingspan is not None:
         grid[..., 1] *= -1.0  # pictures count downward
         grid /= wingspan
-    seen = heading == "auto" or (heading is None and pixels)
-    turn = guess_heading(grid[0], name) if seen else _heading(heading or "up", name)
+    estimated = heading == "auto" or (heading is None and pixels)
+    turn = guess_heading(grid[0], name) if estimated else _heading(heading or "up", name)
     c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
     x, y = grid[..., 0] * s - grid[..., 1] * c, grid[..., 0] * c + grid[..., 1] * s
     used = {
         "heading_degrees": turn,
-        "heading_from": "the shape" if seen else "the call",
+        "heading_from": "the shape" if estimated else "the call",
         "wingspan_px": wingspan if pixels else None,
     }
     return Marks(tuple(order), tuple(bird), x, y), used
@@ -115,7 +115,7 @@ def _numbers(rows, at, name, header):
     """(frames, birds, points, wingspans) of all rows."""
     problems: list[Problem] = []
     frames, birds, points, spans = [], [], [], []
-    seen: dict[tuple[str, str], int] = {}
+    first_line: dict[tuple[str, str], int] = {}
     for line, row in rows:
         if len(row) < len(header):
             problems.append(Problem(name, line, None, f"has {len(row)} cells, the header has {len(header)}"))
@@ -131,10 +131,10 @@ def _numbers(rows, at, name, header):
         bird = row[at["bird"]].strip() if at["bird"] >= 0 else str(len(birds))
         if not bird:
             problems.append(Problem(name, line, header[at["bird"]], "has no name"))
-        if (frame, bird) in seen:
-            message = f"bird {bird!r} of frame {frame!r} is already in row {seen[frame, bird]}"
+        if (frame, bird) in first_line:
+            message = f"bird {bird!r} of frame {frame!r} is already in row {first_line[frame, bird]}"
             problems.append(Problem(name, line, header[at["bird"]], message))
-        seen[frame, bird] = line
+        first_line[frame, bird] = line
         frames.append(frame)
         birds.append(bird)
         points.append(point)
@@ -166,21 +166,20 @@ def _gaps(frames, birds, rows, name):
     known = set(of[first])
     most = limits.FORMATION_BIRDS
     problems = [
-        Problem(name, last[frame], "bird", f"frame {frame!r} has {len(here):,} birds; there can be {most:,}")
-        for frame, here in of.items()
-        if len(here) > most
+        Problem(name, last[frame], "bird", f"frame {frame!r} has {len(birds_here):,} birds; there can be {most:,}")
+        for frame, birds_here in of.items()
+        if len(birds_here) > most
     ]
-    for frame, here in of.items():
+    for frame, birds_here in of.items():
         if len(problems) >= SHOWN:
             break
-        missing, more = sorted(known - set(here)), sorted(set(here) - known)
+        missing, more = sorted(known - set(birds_here)), sorted(set(birds_here) - known)
         if missing or more:
             parts = [f"lacks {', '.join(missing[:5])}"] * bool(missing) + [f"has also {', '.join(more[:5])}"] * bool(
                 more
             )
-            message = (
-                f"frame {frame!r} has {len(here)} birds, frame {first!r} has {len(of[first])}: it {' and '.join(parts)}"
-            )
+            first_has = f"frame {first!r} has {len(of[first])}"
+            message = f"frame {frame!r} has {len(birds_here)} birds, {first_has}: it {' and '.join(parts)}"
             problems.append(Problem(name, last[frame], "bird", message))
     return problems
 

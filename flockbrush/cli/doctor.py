@@ -170,8 +170,8 @@ def _programs():
 def _first_line(command):
     environment = os.environ | {"QT_QPA_PLATFORM": "offscreen"}
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=20, env=environment, check=False)
-        return (done.stdout or done.stderr).strip().split("\n")[0] or "prints no version"
+        process = subprocess.run(command, capture_output=True, text=True, timeout=20, env=environment, check=False)
+        return (process.stdout or process.stderr).strip().split("\n")[0] or "prints no version"
     except (OSError, subprocess.SubprocessError) as error:
         return f"cannot be run: {error}"
 

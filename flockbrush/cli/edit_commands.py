@@ -59,7 +59,7 @@ def _kind(job):
         "delete": job.delete, "move": job.move is not None or job.turn is not None, "retime": job.retime is not None,
         "freeze": job.freeze, "delay": job.delay is not None, "look": bool(job.look),
     }  # fmt: skip
-    kinds = [kind for kind, wanted in requested.items() if wanted]
+    kinds = [kind for kind, is_requested in requested.items() if is_requested]
     others = [job.undo, job.redo, job.on is not None, job.off is not None, job.remove_layer is not None]
     if len(kinds) + sum(others) > 1:
         raise refused(

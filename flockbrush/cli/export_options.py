@@ -39,11 +39,11 @@ def export_table():
     from flockbrush.output.exporter import exporters
     from flockbrush.runs.terminal import table
 
-    made = table("file", "contents", "opens in", "frames/s", "needs", title="File formats")
+    formats = table("file", "contents", "opens in", "frames/s", "needs", title="File formats")
     for kind in dict.fromkeys(exporters().values()):
         packages = ", ".join(package for _, package in kind.needs)
-        made.add_row(" ".join(kind.endings), kind.contents, kind.opens_in, f"{kind.fps:g}", packages)
-    return made
+        formats.add_row(" ".join(kind.endings), kind.contents, kind.opens_in, f"{kind.fps:g}", packages)
+    return formats
 
 
 def _parameters(command):
@@ -95,7 +95,7 @@ def chosen(context, paths) -> dict:
     from flockbrush.output.exporter import all_options, exporter_of
 
     known = {option.name for path in paths or () if (kind := exporter_of(path)) for option in kind.choices}
-    given = {}
+    options = {}
     for option, endings in all_options():
         value = context.meta[_CHOSEN][option.name]
         if value is None or value is False or value in ((), []):
@@ -105,5 +105,5 @@ def chosen(context, paths) -> dict:
                 f"applies to {', '.join(endings)} only, and no such file is written", param_hint=_flag(option)
             )
         switch = isinstance(option.default, bool)
-        given[option.name] = not option.default if switch else getattr(value, "value", value)
-    return given
+        options[option.name] = not option.default if switch else getattr(value, "value", value)
+    return options

@@ -102,16 +102,16 @@ def _summary(frame):
     }  # fmt: skip
 
 
-def fly(formation_path, wanted, out, plot, json):
+def fly(formation_path, options, out, plot, json):
     """A steady flight of a formation, with `FlightOptions`."""
-    fps = wanted.fps
+    fps = options.fps
     with claimed([path for path in (out, plot) if path], [formation_path]):
         formation = load_formation(formation_path)
-        birds = wanted.birds or len(formation.frames[0].birds)
+        birds = options.birds or len(formation.frames[0].birds)
         began = time.perf_counter()
-        drawing = Drawing(epsilon=wanted.epsilon, method=wanted.method.value, lateral=wanted.lateral)
-        flight = SteadyFlight(formation, birds, wanted.seed, wanted.left, drawing, wanted.exchange)
-        places = flight.frames(wanted.frames, fps)
+        drawing = Drawing(epsilon=options.epsilon, method=options.method.value, lateral=options.lateral)
+        flight = SteadyFlight(formation, birds, options.seed, options.left, drawing, options.exchange)
+        places = flight.frames(options.frames, fps)
         report = flight.report(places, fps) | {"seconds_to_make": time.perf_counter() - began}
         if out:
             text = io.StringIO()

@@ -187,8 +187,8 @@ def _show_run(report):
     tick = report["seconds_per_tick"]
     title = f"{report['level']}: {report['agents']:,} animals after {report['seconds']:g} s"
     show(measures_table(report["measures"], title))
-    for program, here in report["states"].items():
-        say_states = ", ".join(f"{state} {count:,}" for state, count in here.items())
+    for program, state_counts in report["states"].items():
+        say_states = ", ".join(f"{state} {count:,}" for state, count in state_counts.items())
         print_line(f"{program}: {say_states}")
     pace = f"{1e3 * tick['median']:.2f} ms per tick (median)" if tick["median"] == tick["median"] else "no tick timed"
     lines = [f"{pace}, seed {report['seed']}, state {report['hash']}"]
@@ -234,8 +234,8 @@ def opened(path):
 def differing(run):
     """Differences between the build that made a recording and this build (`flockbrush.runs.builds.differences`)."""
     build = run.header.get("build")
-    there = {**(build if isinstance(build, dict) else {}), "packages": run.header.get("packages")}
-    return differences(there, build_of_run(), {"flockbrush"})
+    recorded = {**(build if isinstance(build, dict) else {}), "packages": run.header.get("packages")}
+    return differences(recorded, build_of_run(), {"flockbrush"})
 
 
 # levels ---------------------------------------------------------------------------------
@@ -341,14 +341,14 @@ def list_levels():
     """Print a table of the shipped levels."""
     from flockbrush.levels.reader import read_level
 
-    made = table("level", "size, m", "animals", "boundary", "brushes", right=("animals",))
+    levels_table = table("level", "size, m", "animals", "boundary", "brushes", right=("animals",))
     for name in running.shipped_levels():
         level = read_level(running.SHIPPED / f"{name}.tmj")
         brushes = dict.fromkeys(spawn.brush for spawn in level.spawns)
         brushes |= dict.fromkeys(asset for layer in level.brush_layers for asset in layer.assets)
         size = f"{level.width:g} x {level.height:g}"
-        made.add_row(name, size, f"{level.agents:,}", level.boundary, ", ".join(brushes))
-    show(made)
+        levels_table.add_row(name, size, f"{level.agents:,}", level.boundary, ", ".join(brushes))
+    show(levels_table)
 
 
 # brushes ---------------------------------------------------------------------------------
@@ -372,12 +372,12 @@ def list_brushes(json):
     if json:
         print_json([_in_short(brush) for brush in brushes])
         return
-    made = table("", "brush", "model", "speed, BL/s", "numbers", "what they do", right=("speed, BL/s",))
+    brushes_table = table("", "brush", "model", "speed, BL/s", "numbers", "what they do", right=("speed, BL/s",))
     for brush in brushes:
         swatch = styled("[{}]██[/]", brush.colour)
         first = (brush.title or brush.description).strip().split("\n")[0]
-        made.add_row(swatch, brush.name, brush.model, number(brush.speed.mean), brush.provenance.kind, first)
-    show(made)
+        brushes_table.add_row(swatch, brush.name, brush.model, number(brush.speed.mean), brush.provenance.kind, first)
+    show(brushes_table)
 
 
 def _in_short(brush):
@@ -402,13 +402,13 @@ def show_brush(name, json):
     if brush.description:
         show(brush.description.strip())
     parts = {"parameters": brush.params, "speed": brush.speed, "body": brush.body, "vision": brush.vision}
-    made = table("", "value", "unit", "meaning", right=("value",))
+    parameters_table = table("", "value", "unit", "meaning", right=("value",))
     for title, part in parts.items():
-        made.add_row(styled("[bold]{}[/]", title), "", "", "")
+        parameters_table.add_row(styled("[bold]{}[/]", title), "", "", "")
         for key, info in type(part).model_fields.items():
             unit = (info.json_schema_extra or {}).get("unit", "")
-            made.add_row(f"  {key}", _value(getattr(part, key)), unit, info.description or "")
-    show(made)
+            parameters_table.add_row(f"  {key}", _value(getattr(part, key)), unit, info.description or "")
+    show(parameters_table)
     provenance = {key: value for key, value in brush.provenance.model_dump().items() if value not in (None, "", {})}
     show(styled("[bold]where the numbers come from[/]"))
     figures = provenance.pop("report", {})

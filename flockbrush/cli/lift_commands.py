@@ -44,10 +44,10 @@ def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_js
 def _lift(tracks, camera, out, method, bounds, as_json, made, wishes):
     """The work of `lift_tracks` while the output files are locked."""
     lens = _with_bounds(camera, read_camera(camera), *bounds)
-    seen = read_tracks(tracks)
+    read = read_tracks(tracks)
     begin = time.perf_counter()
     try:
-        flight = METHODS[method](seen, lens, LiftWish(**wishes))
+        flight = METHODS[method](read, lens, LiftWish(**wishes))
     except LiftError as error:
         raise refused(tracks, str(error)) from None
     seconds = time.perf_counter() - begin

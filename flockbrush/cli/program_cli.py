@@ -38,8 +38,8 @@ def find_program(name):
 
 def brushes_beside(name):
     """Brushes that a program file can name: in a folder ``brushes`` beside it or one level up, and the shipped."""
-    here = Path(name).parent
-    own = [folder / "brushes" for folder in (here, here.parent) if (folder / "brushes").is_dir()]
+    folder_of_file = Path(name).parent
+    own = [folder / "brushes" for folder in (folder_of_file, folder_of_file.parent) if (folder / "brushes").is_dir()]
     return BrushLibrary([*own, *shipped().folders])
 
 
@@ -65,12 +65,12 @@ def show_program(name, json):
         show(program.description)
     if program.source_note:
         show(f"source: {program.source_note}")
-    made = table("state", "brush", "for", "then", "emits")
+    states_table = table("state", "brush", "for", "then", "emits")
     for state, entry in program.states.items():
         then = "-" if entry.then is None else _shares(entry.then)
         cells = (entry.brush or "(unchanged)", str(entry.lasts or "-"), then, entry.emits or "-")
-        made.add_row(styled("[{}]██[/] {}", entry.colour, state) if entry.colour else state, *cells)
-    show(made)
+        states_table.add_row(styled("[{}]██[/] {}", entry.colour, state) if entry.colour else state, *cells)
+    show(states_table)
     rows = ((t.name or "-", ", ".join(t.sources), t.to, _when(t), str(t.delay or "-")) for t in program.triggers)
     show(table("trigger", "from", "to", "when", "delay", rows=rows))
     print_line(f"start: {_shares(program.beginnings)}; sha256 {program.sha256}")
@@ -216,7 +216,7 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
 def _show_test(program, series, report):
     names = list(program.states)
     title = f"{program.name}: {report['animals']} animals on a plane, seed {report['seed']}"
-    rows = ((f"{time:g}", *(str(here[name]) for name in names)) for time, here in series)
+    rows = ((f"{time:g}", *(str(state_counts[name]) for name in names)) for time, state_counts in series)
     show(table("seconds", *names, rows=rows, title=title, right=("seconds", *names)))
     show(transition_table(names, report["transitions"]))
     silent = [t for t in program.triggers if not any(t.to in report["transitions"].get(s, {}) for s in program.states)]

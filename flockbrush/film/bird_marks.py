@@ -89,17 +89,17 @@ class Birds:
             for f, rows in self.corrections.items()
         }
         swapped = replace(self, px=px, corrections=corrections)
-        here = {bird: (*at, False) for bird, at in swapped.at(k).items() if bird in names}
-        return swapped._after(px, self.ids, k, here)
+        corrected = {bird: (*at, False) for bird, at in swapped.at(k).items() if bird in names}
+        return swapped._after(px, self.ids, k, corrected)
 
     def lost(self, k) -> dict[int, tuple[float, float]]:
         """{bird: last position} of tracks that ended within `JOIN` frames before frame k; not of removed birds."""
         removed = {bird for rows in self.corrections.values() for bird, row in rows.items() if row[2]}
         lost = {}
         for n, bird in enumerate(self.ids):
-            seen = np.flatnonzero(np.isfinite(self.px[:, n, 0]))
-            if 0 < k - seen[-1] <= JOIN and bird not in removed:
-                x, y = self.px[seen[-1], n].tolist()
+            frames_seen = np.flatnonzero(np.isfinite(self.px[:, n, 0]))
+            if 0 < k - frames_seen[-1] <= JOIN and bird not in removed:
+                x, y = self.px[frames_seen[-1], n].tolist()
                 lost[bird] = x, y
         return lost
 
@@ -112,11 +112,11 @@ class Birds:
             When both are seen in one frame, or the other is seen before.
         """
         px, i, j = self.px.copy(), self.ids.index(one), self.ids.index(other)
-        seen = np.isfinite(px[:, j, 0])
-        begin = int(seen.argmax())
+        has_place = np.isfinite(px[:, j, 0])
+        begin = int(has_place.argmax())
         if np.isfinite(px[begin:, i, 0]).any():
             raise ValueError(f"bird {one} and bird {other} are both seen in frame {begin} or later")
-        px[seen, i] = px[seen, j]
+        px[has_place, i] = px[has_place, j]
         px[:, j] = np.nan
         corrections = {
             f: {one if bird == other else bird: row for bird, row in rows.items()}
@@ -128,8 +128,8 @@ class Birds:
     def remove(self, k, bird) -> Birds:
         """Remove a bird from this frame on; entirely if this frame is before its first sighting."""
         px, n = self.px.copy(), self.ids.index(bird)
-        seen = np.flatnonzero(np.isfinite(px[:, n, 0]))
-        ahead = seen[seen >= k]
+        frames_seen = np.flatnonzero(np.isfinite(px[:, n, 0]))
+        ahead = frames_seen[frames_seen >= k]
         if not len(ahead):
             return self
         at = px[ahead[0], n].tolist()
@@ -146,10 +146,10 @@ class Birds:
         corrections = dict(self.corrections)
         if rows:
             corrections[k] = dict(sorted((corrections.get(k, {}) | rows).items()))
-        here = np.isfinite(px[..., 0]).any(0)
-        kept_ids = tuple(bird for bird, stays in zip(ids, here, strict=True) if stays)
+        present = np.isfinite(px[..., 0]).any(0)
+        kept_ids = tuple(bird for bird, stays in zip(ids, present, strict=True) if stays)
         pending = k if self.pending is None else min(k, self.pending)
-        return Birds(px[:, here], kept_ids, corrections, pending)
+        return Birds(px[:, present], kept_ids, corrections, pending)
 
     # following on -----------------------------------------------------------------------------
 
@@ -195,10 +195,10 @@ class Birds:
                 place = px[f, ids.index(bird)]
                 if not removed and np.isnan(place[0]):
                     place[:] = x, y
-        here = np.isfinite(px[..., 0]).any(0)
+        present = np.isfinite(px[..., 0]).any(0)
         pending = None if self.pending is None or self.pending >= k else self.pending
-        kept_ids = tuple(bird for bird, stays in zip(ids, here, strict=True) if stays)
-        return Birds(px[:, here], kept_ids, self.corrections, pending)
+        kept_ids = tuple(bird for bird, stays in zip(ids, present, strict=True) if stays)
+        return Birds(px[:, present], kept_ids, self.corrections, pending)
 
     # files ------------------------------------------------------------------------------------
 

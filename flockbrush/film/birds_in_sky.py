@@ -341,18 +341,18 @@ def mark(paths, every=1):
     for frame, patches in frames:
         tracker.take(patches)
         places = {(patch.x, patch.y): patch for patch in patches}
-        for bird, seen in tracker.marks[-1].items():
-            tracks.setdefault(bird, []).append((frame, places[seen.x, seen.y]))
-    whole = {bird: seen for bird, seen in tracks.items() if len(seen) == len(frames)}
+        for bird, bird_mark in tracker.marks[-1].items():
+            tracks.setdefault(bird, []).append((frame, places[bird_mark.x, bird_mark.y]))
+    whole = {bird: bird_mark for bird, bird_mark in tracks.items() if len(bird_mark) == len(frames)}
     lost = [
-        f"bird {bird} is in {len(seen)} of {len(frames)} frames, from {seen[0][0]}, and was left out"
-        for bird, seen in tracks.items()
+        f"bird {bird} is in {len(bird_mark)} of {len(frames)} frames, from {bird_mark[0][0]}, and was left out"
+        for bird, bird_mark in tracks.items()
         if bird not in whole
     ]
     if not whole:
         raise ProblemsError(
             [Problem(str(next(iter(paths))), None, None, "no bird could be tracked through all frames")]
         )
-    rows = [(frame, bird, patch) for bird, seen in whole.items() for frame, patch in seen]
+    rows = [(frame, bird, patch) for bird, bird_mark in whole.items() for frame, patch in bird_mark]
     place = {frame: k for k, (frame, _) in enumerate(frames)}
     return sorted(rows, key=lambda row: (place[row[0]], row[1])), span, lost + doubts

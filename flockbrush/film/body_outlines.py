@@ -184,8 +184,8 @@ def _looked_at(layer, places):
     """Means over the last number of a picture at places (k, a, b, 2) px, (k, a)."""
     k, a, b = places.shape[:3]
     x, y = np.moveaxis(places, -1, 0).reshape(2, k, a * b).astype(np.float32)
-    seen = cv2.remap(layer, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return seen.reshape(k, a, b).mean(-1).astype(float)
+    sampled = cv2.remap(layer, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return sampled.reshape(k, a, b).mean(-1).astype(float)
 
 
 def _binary(mask):

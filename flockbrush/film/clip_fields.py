@@ -152,11 +152,11 @@ class Collector:
 
     def fields(self, fps, obstacle=None, region=None, outline=None) -> Fields:
         """All frames taken so far."""
-        made = {name: np.array(values) for name, values in self.rows.items()}
+        arrays = {name: np.array(values) for name, values in self.rows.items()}
         return Fields(
             fps=float(fps), cell=self.grid.cell, origin=np.asarray(self.grid.origin, float),
             obstacle=np.zeros(self.grid.shape, bool) if obstacle is None else obstacle,
-            region=np.zeros(self.grid.shape, np.uint8) if region is None else region, outline=outline, **made,
+            region=np.zeros(self.grid.shape, np.uint8) if region is None else region, outline=outline, **arrays,
         )  # fmt: skip
 
 

@@ -100,13 +100,15 @@ class BodyColours:
         """Take out of a mask what is where a stone is and looks more like it than like an animal."""
         way = after(self.ground.from_first, self.maps[k])
         size, flags = picture.shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        there = (cv2.warpAffine(self.stones * np.uint8(255), way, size, flags=flags) > 0) & (mask > 0)
-        if not there.any():
+        on_stones = (cv2.warpAffine(self.stones * np.uint8(255), way, size, flags=flags) > 0) & (mask > 0)
+        if not on_stones.any():
             return
-        ground = cv2.warpAffine(self.ground.picture, way, size, flags=flags)[there].astype(float)
-        here = picture[there].astype(float)
-        like_ground = np.linalg.norm(here - ground, axis=1) < np.linalg.norm(here - self.bright[::-1], axis=1)
-        mask[there] = ~like_ground
+        ground = cv2.warpAffine(self.ground.picture, way, size, flags=flags)[on_stones].astype(float)
+        colours_there = picture[on_stones].astype(float)
+        like_ground = np.linalg.norm(colours_there - ground, axis=1) < np.linalg.norm(
+            colours_there - self.bright[::-1], axis=1
+        )
+        mask[on_stones] = ~like_ground
 
     def exposure(self, k, picture):
         """What gives the k-th picture the exposure of the ground (see `gain`)."""
@@ -245,20 +247,20 @@ def colours_of(clip, steady: Steady, colour="auto") -> BodyColours:
 def _check(clip, colours, samples, colour):
     """Refuse colours that match no pixel, or most of the picture."""
     share = float(colours.table[samples.index[samples.known]].mean())
-    seen = {"share of the picture": share, "pictures": {"ground": samples.ground.picture}}
+    evidence = {"share of the picture": share, "pictures": {"ground": samples.ground.picture}}
     if share > CROWDED:
         raise CannotObserve(
             clip.name,
             f"{share:.0%} of the picture looks like animals; give their colour with --body-colour R,G,B, or choose "
             "frames that show more ground",
-            seen,
+            evidence,
         )  # fmt: skip
     if share == 0:
         advice = "; give their colour with --body-colour R,G,B" if isinstance(colour, str) else (
             f": nothing has a colour near the given {','.join(map(str, colour))}; pick the colour in the clip with "
             "flockbrush play --clip, or leave --body-colour out"
         )  # fmt: skip
-        raise CannotObserve(clip.name, f"no animals were detected{advice}", seen)
+        raise CannotObserve(clip.name, f"no animals were detected{advice}", evidence)
 
 
 def _given(samples, steady, colour):

@@ -160,9 +160,9 @@ def pictures_of(clip, evidence: Evidence, chosen) -> tuple[dict[int, np.ndarray]
     numbers = evidence.fields.frames
     film = open_clip(clip, None if evidence.still else (int(numbers.min()), int(numbers.max())))
     place = {int(number): k for k, number in enumerate(film.numbers)}
-    wanted = {t: place[int(numbers[t])] for t in chosen if int(numbers[t]) in place}
-    read = dict(film.read(wanted.values()))
-    return {t: read[k] for t, k in wanted.items()}, film.scale
+    frame_of_time = {t: place[int(numbers[t])] for t in chosen if int(numbers[t]) in place}
+    read = dict(film.read(frame_of_time.values()))
+    return {t: read[k] for t, k in frame_of_time.items()}, film.scale
 
 
 def moving_pictures(clip, evidence: Evidence) -> tuple[Iterator[tuple[int, np.ndarray]], float]:

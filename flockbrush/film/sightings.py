@@ -147,27 +147,27 @@ class _Known:
     def next(self, xy, axis, moves, names):
         """Match the bodies of the next frame, and write their names."""
         ahead = self.at + self.go
-        mine, theirs = matched(ahead, self.axis, np.where(self.age > 1, REACH, REACH_NEW), xy, axis)
-        self._see(mine, theirs, xy, axis, moves, ahead, names)
-        new = np.setdiff1d(np.arange(len(xy)), theirs)
+        matched_tracks, matched_bodies = matched(ahead, self.axis, np.where(self.age > 1, REACH, REACH_NEW), xy, axis)
+        self._see(matched_tracks, matched_bodies, xy, axis, moves, ahead, names)
+        new = np.setdiff1d(np.arange(len(xy)), matched_bodies)
         self._begin(new, xy, axis, moves, names)
 
-    def _see(self, mine, theirs, xy, axis, moves, ahead, names):
+    def _see(self, tracks, bodies, xy, axis, moves, ahead, names):
         """Those that were found go on; the others are carried on for some frames."""
-        steps = (xy[theirs] - self.at[mine]) / (1 + self.missed[mine])[:, None]
-        gain = np.where(self.age[mine] > 3, 0.35, np.where(self.age[mine] > 1, 0.6, 1.0))[:, None]
-        self.go[mine] += gain * (steps - self.go[mine])
+        steps = (xy[bodies] - self.at[tracks]) / (1 + self.missed[tracks])[:, None]
+        gain = np.where(self.age[tracks] > 3, 0.35, np.where(self.age[tracks] > 1, 0.6, 1.0))[:, None]
+        self.go[tracks] += gain * (steps - self.go[tracks])
         if moves is not None:
-            say = moves[theirs]
+            say = moves[bodies]
             known = np.isfinite(say[:, 0])
-            self.go[mine[known]] += 0.3 * (say[known] - self.go[mine[known]])
-        lost = np.setdiff1d(np.arange(len(self.at)), mine)
+            self.go[tracks[known]] += 0.3 * (say[known] - self.go[tracks[known]])
+        lost = np.setdiff1d(np.arange(len(self.at)), tracks)
         self.at[lost] = ahead[lost]
         self.missed[lost] += 1
-        self.at[mine], self.axis[mine] = xy[theirs], axis[theirs]
-        self.missed[mine] = 0
-        self.age[mine] += 1
-        names[theirs] = self.name[mine]
+        self.at[tracks], self.axis[tracks] = xy[bodies], axis[bodies]
+        self.missed[tracks] = 0
+        self.age[tracks] += 1
+        names[bodies] = self.name[tracks]
         keep = (self.missed <= GAP) & ~((self.age < 2) & (self.missed > 1))
         for name in ("at", "go", "axis", "name", "age", "missed"):
             setattr(self, name, getattr(self, name)[keep])

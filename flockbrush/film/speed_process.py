@@ -97,8 +97,8 @@ def _table(sightings):
 
 def _own(table):
     """The mean, and the difference of each animal's speed from the herd's at the time."""
-    here = np.isfinite(table)
-    count = here.sum(1)
+    known = np.isfinite(table)
+    count = known.sum(1)
     mean = np.nansum(table, 1) / np.maximum(count, 1)
     common = np.where(count >= 10, mean, np.nanmean(table))
     own = (table - common[:, None]) * np.sqrt(count / np.maximum(count - 1, 1))[:, None]
@@ -109,8 +109,8 @@ def _own(table):
 
 def _products(own, lags):
     """Sum and number of products of speeds so many frames apart, (lags, animals, 2)."""
-    filled, here = np.nan_to_num(own), np.isfinite(own).astype(float)
-    sums = [np.stack([(filled[:-k] * filled[k:]).sum(0), (here[:-k] * here[k:]).sum(0)], -1) for k in lags]
+    filled, known = np.nan_to_num(own), np.isfinite(own).astype(float)
+    sums = [np.stack([(filled[:-k] * filled[k:]).sum(0), (known[:-k] * known[k:]).sum(0)], -1) for k in lags]
     return np.array(sums).reshape(len(lags), own.shape[1], 2)
 
 

@@ -461,6 +461,6 @@ def _to_box(guess, rect, box):
     x, y, w, h = rect
     middle = np.array([x + w / 2, y + h / 2])
     now = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
-    made = guess.copy()
-    made[:, 2] = now - made[:, :2] @ middle
-    return made
+    shifted = guess.copy()
+    shifted[:, 2] = now - shifted[:, :2] @ middle
+    return shifted

@@ -247,14 +247,14 @@ def _parquet(path):
         header = [name.lower() for name in schema.names]
         where = {kind: next((header.index(n) for n in names if n in header), None) for kind, names in NAMES.items()}
         _need(path, where, header)
-        wanted = {kind: schema.names[at] for kind, at in where.items() if at is not None}
+        column_names = {kind: schema.names[at] for kind, at in where.items() if at is not None}
         if "heading" in header:
-            wanted["heading"] = schema.names[header.index("heading")]
-        _check_parquet(path, file.metadata, set(wanted.values()))
-    with parquet.ParquetFile(path, read_dictionary=[wanted["id"]]) as file:  # long names are unpacked once
-        data = file.read(columns=list(dict.fromkeys(wanted.values())))
-    columns = {kind: _column(data[name]) for kind, name in wanted.items() if kind != "id"}
-    table = _long_table(path, header, where, columns, *_coded(path, data[wanted["id"]]))
+            column_names["heading"] = schema.names[header.index("heading")]
+        _check_parquet(path, file.metadata, set(column_names.values()))
+    with parquet.ParquetFile(path, read_dictionary=[column_names["id"]]) as file:  # long names are unpacked once
+        data = file.read(columns=list(dict.fromkeys(column_names.values())))
+    columns = {kind: _column(data[name]) for kind, name in column_names.items() if kind != "id"}
+    table = _long_table(path, header, where, columns, *_coded(path, data[column_names["id"]]))
     about = {k.decode(): v.decode() for k, v in (schema.metadata or {}).items() if k in (b"fps", b"unit")}
     if table.unit is None and about.get("unit") in ("m", "px", "bl"):
         table.unit = about["unit"]
@@ -377,8 +377,8 @@ def _trex_columns(header):
 def _trex_table(path, header, rows) -> TrackTable:
     """One animal as TRex writes it in a CSV."""
     x, y, unit = _trex_columns(header)
-    wanted = [name for name in (x, y, "frame", "time") if name in header]
-    columns = dict(zip(wanted, _grid(path, rows, [header.index(name) for name in wanted]).T, strict=True))
+    column_names = [name for name in (x, y, "frame", "time") if name in header]
+    columns = dict(zip(column_names, _grid(path, rows, [header.index(name) for name in column_names]).T, strict=True))
     frames = _whole(path, columns.get("frame", np.arange(len(columns[x]))))
     return _of_one(path, frames, np.column_stack([columns[x], columns[y]]), _rate(frames, columns.get("time")), unit)
 
@@ -418,11 +418,13 @@ def _trex_arrays(path):
     """{name: (n,) array} of what is needed of an npz of TRex, none longer than tracks may be."""
     with zipfile.ZipFile(path) as packed:
         sizes = {info.filename.removesuffix(".npy"): info.file_size for info in packed.infolist()}
-    wanted = [name for name in sizes if _trex_columns([name, "Y" + name[1:]]) or _trex_columns(["X" + name[1:], name])]
-    wanted += [name for name in ("frame", "time", "missing", "frame_rate") if name in sizes]
+    array_names = [
+        name for name in sizes if _trex_columns([name, "Y" + name[1:]]) or _trex_columns(["X" + name[1:], name])
+    ]
+    array_names += [name for name in ("frame", "time", "missing", "frame_rate") if name in sizes]
     arrays = {}
     with np.load(path, allow_pickle=False) as data:
-        for name in wanted[:20]:
+        for name in array_names[:20]:
             if sizes[name] > 8 * limits.TRACK_FRAMES + 1024:
                 raise refused(path, f"{name} has more than {limits.TRACK_FRAMES.text}; split it into parts")
             values = np.ravel(data[name])

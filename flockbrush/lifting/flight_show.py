@@ -343,9 +343,11 @@ def _guessed_span(xyz):
     """A wingspan that suits how near birds fly to each other, m."""
     near = []
     for places in xyz[:: max(1, len(xyz) // 20)]:
-        here = places[np.isfinite(places).all(-1)]
-        if len(here) > 1:
-            gaps = np.linalg.norm(here[:, None] - here[None], axis=-1) + np.diag(np.full(len(here), np.inf))
+        known_places = places[np.isfinite(places).all(-1)]
+        if len(known_places) > 1:
+            gaps = np.linalg.norm(known_places[:, None] - known_places[None], axis=-1) + np.diag(
+                np.full(len(known_places), np.inf)
+            )
             near.append(np.median(gaps.min(1)))
     return float(np.clip(np.median(near) / SPANS, *USUAL_SPAN)) if near else 1.0
 

@@ -37,8 +37,10 @@ class GroundShow(Show):
 
     def _face(self):
         """Bodies face where the tracks say, also while they stand."""
-        seen = self.evidence.sightings
-        self.forward[seen.frame, seen.track] = np.column_stack([seen.forward, np.zeros(len(seen.xy))])
+        sightings = self.evidence.sightings
+        self.forward[sightings.frame, sightings.track] = np.column_stack(
+            [sightings.forward, np.zeros(len(sightings.xy))]
+        )
 
     def herd(self, k):
         """The animals of frame k as the painters want them."""
@@ -49,10 +51,10 @@ class GroundShow(Show):
 
 
 def _flat(evidence, length):
-    seen = evidence.sightings
-    count = int(seen.track.max()) + 1
-    xyz = np.full((len(seen), count, 3), np.nan)
-    xyz[seen.frame, seen.track] = np.column_stack([seen.xy * length, np.zeros(len(seen.xy))])
+    sightings = evidence.sightings
+    count = int(sightings.track.max()) + 1
+    xyz = np.full((len(sightings), count, 3), np.nan)
+    xyz[sightings.frame, sightings.track] = np.column_stack([sightings.xy * length, np.zeros(len(sightings.xy))])
     return LiftedFlight(
         xyz, np.linalg.norm(xyz, axis=-1), np.arange(count), int(evidence.fields.frames[0]), evidence.fps
     )

@@ -180,13 +180,13 @@ class Overlays:
         fills, names = [], []
         if sketcher.canvas.clip[2] > sketcher.canvas.clip[0]:
             around = sketcher.cells(cell, raster.shape)
-            near, seen = raster[around], raster[rows, columns]
+            near, in_view = raster[around], raster[rows, columns]
             for value, name, colour in regions:
-                if not (seen == value).any():
+                if not (in_view == value).any():
                     continue
                 edge = sketcher.region(near == value, cell, (around[0].start, around[1].start))
                 fills.append((np.clip(edge + 0.5, 0, 1) * alpha, np.clip(1.8 * self.unit - np.abs(edge), 0, 1), colour))
-                for at in hearts(seen == value):
+                for at in hearts(in_view == value):
                     names.append((name, self._pixel(camera, rows, columns, at), colour))
 
         def draw(canvas):
@@ -392,11 +392,18 @@ class Overlays:
 
     def _leaders(self, frame, camera, moment, at):
         """Lines to the reference birds, rings around leaders."""
-        there = np.clip(np.searchsorted(moment.ids, moment.reference), 0, max(len(moment) - 1, 0))
-        linked = (moment.reference > 0) & (moment.ids[there] == moment.reference) if len(moment) else np.zeros(0, bool)
-        tail, tip = at[linked], at[there[linked]]
+        reference_rows = np.clip(np.searchsorted(moment.ids, moment.reference), 0, max(len(moment) - 1, 0))
+        linked = (
+            (moment.reference > 0) & (moment.ids[reference_rows] == moment.reference)
+            if len(moment)
+            else np.zeros(0, bool)
+        )
+        tail, tip = at[linked], at[reference_rows[linked]]
         if self.scenery.land.wrap is not None:
-            near = np.abs(moment.xyz[linked] - moment.xyz[there[linked]])[:, :2] < np.array(self.scenery.land.wrap) / 2
+            near = (
+                np.abs(moment.xyz[linked] - moment.xyz[reference_rows[linked]])[:, :2]
+                < np.array(self.scenery.land.wrap) / 2
+            )
             tail, tip = tail[near.all(axis=1)], tip[near.all(axis=1)]
         clip, u = self._clip(camera), self.unit
         draw_lines(frame, clip, np.hstack([tail, tip]), 1.1 * u, ink_of(self.theme.link), 0.6)
@@ -424,9 +431,9 @@ class Overlays:
         if explanation is not None and shown & {"field_of_view", "occlusion"}:
             self._sight(frame, camera, shown, moment, row, explanation)
         ring = np.array([max(8.0 * self.unit, 0.95 * float(moment.length[row]) * camera.scale)])
-        here, clip = np.array([[x, y]]), self._clip(camera)
-        draw_rings(frame, clip, here, ring, 4.4 * self.unit, ink_of(self.theme.paper), 0.8)
-        draw_rings(frame, clip, here, ring, 2.0 * self.unit, ink_of(self.theme.ink), 1.0)
+        centre, clip = np.array([[x, y]]), self._clip(camera)
+        draw_rings(frame, clip, centre, ring, 4.4 * self.unit, ink_of(self.theme.paper), 0.8)
+        draw_rings(frame, clip, centre, ring, 2.0 * self.unit, ink_of(self.theme.ink), 1.0)
         if explanation is not None and "forces" in shown:
             forward = moment.forward[row, :2] * (1, -1)
             draw_forces(frame, camera, (x, y), forward, explanation, self.theme, self.unit, float(ring[0]))

@@ -330,11 +330,11 @@ def painted_brushes(level) -> list[str]:
 
 def brushes_in_sight(level) -> set[str]:
     """Names of the brushes that some cell of a level is painted with, or that apply in its zones."""
-    seen = {brush_key(zone.brush) for zone in getattr(level, "zones", None) or [] if zone.brush}
+    visible = {brush_key(zone.brush) for zone in getattr(level, "zones", None) or [] if zone.brush}
     for layer in getattr(level, "brush_layers", None) or []:
         counts = np.bincount(np.maximum(np.asarray(layer.index).ravel(), -1) + 1, minlength=len(layer.assets) + 1)
-        seen |= {brush_key(name) for name, count in zip(layer.assets, counts[1:], strict=False) if count}
-    return seen
+        visible |= {brush_key(name) for name, count in zip(layer.assets, counts[1:], strict=False) if count}
+    return visible
 
 
 def shipped_colours() -> dict:

@@ -147,15 +147,15 @@ class SpacePainter:
 
         `passed` is how many seconds ago it was there last; None lets it jump.
         """
-        wanted = self.around(herd)
+        target_camera = self.around(herd)
         middle = np.append(np.median(np.asarray(herd.xy, float)[:, :2], axis=0), 0.0)
         share, step = 1.0, np.zeros(3)
         if passed is not None and self._chased is not None:
             share, step = 1 - np.exp(-passed / GLIDE), middle - self._chased
         self._chased = middle
-        target = (np.asarray(self.camera.target) + step) * (1 - share) + np.asarray(wanted.target) * share
-        distance = self.camera.distance ** (1 - share) * wanted.distance**share
-        self.look(replace(wanted, distance=float(distance)).at(*target))
+        target = (np.asarray(self.camera.target) + step) * (1 - share) + np.asarray(target_camera.target) * share
+        distance = self.camera.distance ** (1 - share) * target_camera.distance**share
+        self.look(replace(target_camera, distance=float(distance)).at(*target))
         self.see_through = True
 
     # what lies there -----------------------------------------------------------------
@@ -168,12 +168,12 @@ class SpacePainter:
 
     def refine(self, budget=0.004) -> bool:
         """Go on drawing the ground for about so many seconds; True when nothing is left to draw."""
-        done = True
+        complete = True
         for painter, texture in self._pictures():
             if painter.tiles.camera is None or painter.tiles.stale:
                 texture.stale = True
-                done &= painter.refine(budget)
-        return done
+                complete &= painter.refine(budget)
+        return complete
 
     def _pictures(self):
         """(painter, texture) of the whole level, and of what one looks at where that is too coarse."""
@@ -244,11 +244,11 @@ class SpacePainter:
         forward[walks, 2] = 0.0
         up = standing(forward)
         if original.up is not None:
-            given = np.asarray(original.up, float)
-            if given.shape != (count, 3):
-                raise ValueError(f"up of {count} animals has shape ({count}, 3), got {given.shape}")
-            refuse_nan(given, "back")
-            up = np.where(walks[:, None], up, given)
+            up_given = np.asarray(original.up, float)
+            if up_given.shape != (count, 3):
+                raise ValueError(f"up of {count} animals has shape ({count}, 3), got {up_given.shape}")
+            refuse_nan(up_given, "back")
+            up = np.where(walks[:, None], up, up_given)
         look = looks_of(herd, len(brush_rgb(herd.brush_colours)))
         beat = np.where(winged, herd.wings, NO_WINGS)
         xyz = np.column_stack([herd.xy, above])

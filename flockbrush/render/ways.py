@@ -67,6 +67,6 @@ class Ways:
             if len(known):
                 order = np.argsort(known, kind="stable")
                 rows = order[np.clip(np.searchsorted(known, ids, sorter=order), 0, len(known) - 1)]
-                here = known[rows] == ids
-                self.places[:, here] = before[:, rows[here]]
+                known_before = known[rows] == ids
+                self.places[:, known_before] = before[:, rows[known_before]]
         self.ids = ids.copy()

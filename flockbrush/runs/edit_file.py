@@ -176,26 +176,26 @@ def parse_edits(data: bytes, path) -> EditFile:
     if not isinstance(sha256, str) or not re.fullmatch("[0-9a-f]{64}", sha256):
         problems.append(toml.problem(("sha256",), "must be the SHA-256 of the recording, 64 hexadecimal digits"))
     layers, undone = _tables(toml, "layers", problems), _tables(toml, "undone", problems)
-    made = EditFile(Path(path), str(sha256), str(toml.data.get("recording", "")))
+    edit_file = EditFile(Path(path), str(sha256), str(toml.data.get("recording", "")))
     for k, table in enumerate(layers):
-        made.layers.append(_layer(toml, ("layers", k), table, problems))
+        edit_file.layers.append(_layer(toml, ("layers", k), table, problems))
     for k, table in enumerate(undone):
         fields = {name: value for name, value in table.items() if name != "layer"}
         edit = _edit(toml, ("undone", k), fields, problems)
         if edit is not None:
-            made.undone.append(LayerEdit(str(table.get("layer", FIRST)), edit))
-    names = [layer.name for layer in made.layers]
+            edit_file.undone.append(LayerEdit(str(table.get("layer", FIRST)), edit))
+    names = [layer.name for layer in edit_file.layers]
     if len(set(names)) < len(names):
         problems.append(toml.problem(("layers",), "two layers have the same name"))
-    every = [layer.name for layer in made.layers for _ in layer.edits]
+    every = [layer.name for layer in edit_file.layers for _ in layer.edits]
     order = toml.data.get("order", every)
     if not isinstance(order, list) or sorted(map(str, order)) != sorted(every):
         problems.append(toml.problem(("order",), "must name the layer of each edit, in the order they were made"))
     if problems:
         raise ProblemsError(problems)
-    coming = {layer.name: iter(layer.edits) for layer in made.layers}
-    made.done = [LayerEdit(name, next(coming[name])) for name in map(str, order)]
-    return made
+    coming = {layer.name: iter(layer.edits) for layer in edit_file.layers}
+    edit_file.done = [LayerEdit(name, next(coming[name])) for name in map(str, order)]
+    return edit_file
 
 
 def _tables(toml, name, problems):
@@ -213,13 +213,13 @@ def _layer(toml: TomlFile, at, table, problems):
         problems.append(toml.problem((*at, "name"), "a layer must have a name"))
     if not isinstance(on, bool):
         problems.append(toml.problem((*at, "on"), f"must be true or false, got {on!r}"))
-    made = Layer(str(name), bool(on))
+    layer = Layer(str(name), bool(on))
     if not isinstance(edits, list) or not all(isinstance(edit, dict) for edit in edits):
         problems.append(toml.problem((*at, "edits"), "must be [[layers.edits]] tables"))
-        return made
+        return layer
     parsed = [_edit(toml, (*at, "edits", k), edit, problems) for k, edit in enumerate(edits)]
-    made.edits = [edit for edit in parsed if edit is not None]
-    return made
+    layer.edits = [edit for edit in parsed if edit is not None]
+    return layer
 
 
 def _edit(toml, at, table, problems) -> Edit | None:

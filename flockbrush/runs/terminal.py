@@ -95,12 +95,12 @@ def table(*columns, rows=(), title=None, right=()):
             super().add_row(*(styled("{}", cell) if isinstance(cell, str) else cell for cell in texts), **options)
 
     title = title and styled("{}", title)
-    made = Plain(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, title_style="bold")
+    plain_table = Plain(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, title_style="bold")
     for column in columns:
-        made.add_column(styled("{}", column), justify="right" if column in right else "left", overflow="fold")
+        plain_table.add_column(styled("{}", column), justify="right" if column in right else "left", overflow="fold")
     for cells in rows:
-        made.add_row(*cells)
-    return made
+        plain_table.add_row(*cells)
+    return plain_table
 
 
 def number(value, digits=4):

@@ -121,12 +121,12 @@ def morph(start: Brush, end: Brush, trial: Trial, wander: float = 0.0, tell=lamb
         return brush_at(start, end, along, wander)
 
     tell("measuring new herds where the behaviour changes")
-    seen = response(at, trial)
+    responses = response(at, trial)
     for k in range(ROUNDS):
         tell(f"measuring new herds on the path, round {k + 1}")
-        along = seen.evenly(trial.steps)
-        seen.add(along, measured(at, along, trial, FIRST_FRESH + (k + 1) * trial.seeds).mean)
-    along, steps = seen.evenly(trial.steps), np.linspace(0.0, 1.0, trial.steps + 1)
+        along = responses.evenly(trial.steps)
+        responses.add(along, measured(at, along, trial, FIRST_FRESH + (k + 1) * trial.seeds).mean)
+    along, steps = responses.evenly(trial.steps), np.linspace(0.0, 1.0, trial.steps + 1)
     tell("measuring other herds on the path")
     on_path = measured(at, along, trial)
     tell("measuring the same herds on the straight line")
@@ -138,7 +138,7 @@ def morph(start: Brush, end: Brush, trial: Trial, wander: float = 0.0, tell=lamb
         start=start.name, end=end.name, along=tuple(map(float, along)), detour=detours(start, end, along, wander),
         begin=trial.begin, seconds=trial.seconds, even=even, bistable=not even and swept.hysteresis,
     )  # fmt: skip
-    return Morph(path, on_path, straight, swept, seen.jumps())
+    return Morph(path, on_path, straight, swept, responses.jumps())
 
 
 def detours(start, end, along, wander=0.0):
@@ -267,10 +267,10 @@ class Response:
 def response(at, trial) -> Response:
     """What fresh herds do along a way, measured more closely where it changes."""
     points = np.linspace(0.0, 1.0, COARSE + 1)
-    seen = Response(points, measured(at, points, trial, FIRST_FRESH).mean)
-    while len(more := seen.too_far()[: MOST_POINTS - len(seen.points)]):
-        seen.add(more, measured(at, more, trial, FIRST_FRESH).mean)
-    return seen
+    first_response = Response(points, measured(at, points, trial, FIRST_FRESH).mean)
+    while len(more := first_response.too_far()[: MOST_POINTS - len(first_response.points)]):
+        first_response.add(more, measured(at, more, trial, FIRST_FRESH).mean)
+    return first_response
 
 
 def measured(at, points, trial, first_seed=FIRST_CHECK) -> Measured:

@@ -167,8 +167,8 @@ def parse_sweep(data: bytes, name: str, folder=Path()) -> Sweep:
     """The sweep whose file has these bytes; paths in it start from the folder."""
     toml = parse_toml(data, name)
     if toml.data.get("schema") != SCHEMA:
-        given = toml.data.get("schema")
-        problem = "is missing" if given is None else f"is {shown(given)}"
+        schema = toml.data.get("schema")
+        problem = "is missing" if schema is None else f"is {shown(schema)}"
         raise ProblemsError([Problem(name, toml.line(("schema",)), "schema", f"{problem}; it must be {SCHEMA!r}")])
     tables, problems = _parameter_tables(toml)
     plain = {key: value for key, value in toml.data.items() if key not in ("schema", "grid", "fixed", "case")}
@@ -249,22 +249,22 @@ def _scenarios(toml, tables, experiment, folder, measures):
     if count > limits.SCENARIOS:
         message = f"the sweep has {count:,} scenarios; the maximum is {limits.SCENARIOS:,}"
         raise ProblemsError([toml.problem(("grid",), message)])
-    made, problems = [], []
+    scenarios, problems = [], []
     for case in cases or [{}]:
         for values in itertools.product(*(values for _, values in grid.values())):
             varied = dict(zip(grid, values, strict=True))
             paths = {name: path for source in (fixed, grid, case) for name, (path, _) in source.items()}
-            given = {name: value for name, (_, value) in fixed.items()} | varied
-            given |= {name: value for name, (_, value) in case.items() if name != "title"}
+            parameters = {name: value for name, (_, value) in fixed.items()} | varied
+            parameters |= {name: value for name, (_, value) in case.items() if name != "title"}
             if case:
                 varied = {"case": case["title"][1]} | varied
             try:
-                ready = experiment.ready(given, folder)
+                ready = experiment.ready(parameters, folder)
             except Mistakes as error:
                 for name, message in error.found:
                     path = paths.get(name) or paths.get(name.split(".")[0]) or ("fixed",)
                     if message.startswith("must"):
-                        path = _element(toml, path, given.get(name))
+                        path = _element(toml, path, parameters.get(name))
                     problems.append(toml.problem(path, message))
                 continue
             unknown = [name for name in measures if name not in ready.measures]
@@ -273,10 +273,10 @@ def _scenarios(toml, tables, experiment, folder, measures):
                 for name in unknown
             ]
             measured = tuple(measures or ready.measures)
-            made.append(Scenario(_hash(experiment.name, ready), varied, ready.parameters, ready.files, measured))
+            scenarios.append(Scenario(_hash(experiment.name, ready), varied, ready.parameters, ready.files, measured))
     if problems:
         raise ProblemsError(_in_order(problems))
-    return tuple(made)
+    return tuple(scenarios)
 
 
 def _element(toml, path, value):

@@ -159,24 +159,24 @@ def show(sweep: Sweep, summary):
         if sum(widths) + 3 * len(widths) <= WIDE:
             break
     right = [name for name in columns if name != "case"]
-    made = table(*columns, rows=rows, title=summary["title"] or summary["sweep"], right=right)
-    for column in made.columns:
+    means = table(*columns, rows=rows, title=summary["title"] or summary["sweep"], right=right)
+    for column in means.columns:
         column.no_wrap = column.justify == "right"
-    print_table(made)
+    print_table(means)
     for name in worded:
         _show_shares(summary, names, name)
     if summary["expected"]:
-        made = table("", "measure", *names, "mean", "expected", title="expected", right=["mean", *names])
+        means = table("", "measure", *names, "mean", "expected", title="expected", right=["mean", *names])
         for line in summary["expected"]:
             cells = _cells(line, names)
-            made.add_row(
+            means.add_row(
                 "kept" if line["kept"] else styled("[bold]MISSED[/]"),
                 line["measure"],
                 *cells,
                 number(line["mean"]),
                 line["expected"],
             )
-        print_table(made)
+        print_table(means)
     for failure in summary["failures"][:SHOWN_FAILURES]:
         where = ", ".join(f"{name} {_plain(value)}" for name, value in failure.items() if name != "error")
         print_line(f"failed: {where}: {failure['error']}")

@@ -77,9 +77,9 @@ class Deeds:
 
     def do(self, label, commands, join=None):
         """Apply commands to the world; returns whether it worked.  A refusal becomes a message."""
-        done = self.session.do(label, list(commands), join=join)
+        applied = self.session.do(label, list(commands), join=join)
         self.tell()
-        return done
+        return applied
 
     def undo(self):
         """Undo the last change."""
@@ -91,9 +91,9 @@ class Deeds:
         self.tool.interrupt()
         self._notify_step(self.session.redo_label, self.session.redo(), "redo")
 
-    def _notify_step(self, label, done, step):
+    def _notify_step(self, label, happened, step):
         """Say what was undone or redone; what stands against it the session says itself."""
-        if done:
+        if happened:
             self.notify(f"{step[:-2]}done: {label}")
         elif not label:
             self.notify(f"there is nothing to {step}")
@@ -364,17 +364,17 @@ class Deeds:
             self.notify(f"{key.command} has values that this form cannot show; change this key in Tiled", "warning")
             return
         xy = tuple(key.xy.tolist()) if xy is None else tuple(round(float(value), 2) for value in xy)
-        here = dict(zip("xy", xy, strict=True))
+        position = dict(zip("xy", xy, strict=True))
         name = name or (key.command if key else "Gust" if "Gust" in known else next(iter(known)))
         same = key is not None and name == key.command
-        given = from_record(name, key.args) if same else blank(known[name], xy)
+        shown_command = from_record(name, key.args) if same else blank(known[name], xy)
         when = key.at if key else round(world.clock.now, 2)
         called = key.name if key else free_name(world, "key")
 
         def give(texts):
             try:
-                command = changed(given, {row: text for row, text in texts.items() if row != "when"})
-                args = {row: value for row, value in said(command).items() if value != here.get(row)}
+                command = changed(shown_command, {row: text for row, text in texts.items() if row != "when"})
+                args = {row: value for row, value in said(command).items() if value != position.get(row)}
                 at = number(texts["when"])
                 needed = self.brush_needed(args["brush"]) if args.get("brush") else []
                 place = PlaceKey(key.id if key else self.new_id(), called, at, name, args, *xy)
@@ -384,7 +384,7 @@ class Deeds:
                 return False
 
         menu = {"choices": list(known), "chosen": name, "choose": lambda other: self.ask_key(xy, key, other)}
-        rows = [FormRow("when", "time, s", f"{when:g}", "time of the command after the start"), *rows_of(given)]
+        rows = [FormRow("when", "time, s", f"{when:g}", "time of the command after the start"), *rows_of(shown_command)]
         self.open_dialog(Form(self, f"Script key {called!r}", rows, give, **menu))
 
     def _open_form(self, title, command, label, kind="", **menu):

@@ -24,7 +24,7 @@ def whence(brush) -> str:
     if provenance.clip and provenance.frames:
         lines[0] += f", frames {provenance.frames[0]} to {provenance.frames[1]}"
     for name in ("polarization", "milling"):
-        pair = [provenance.report.get(f"held-out {name}, {whose}") for whose in ("clip", "simulated")]
+        pair = [provenance.report.get(f"held-out {name}, {source}") for source in ("clip", "simulated")]
         if None not in pair:
             lines.append(f"{name} {pair[0]:.2f} in frames held out, {pair[1]:.2f} simulated")
     return "<br>".join(map(html.escape, lines))

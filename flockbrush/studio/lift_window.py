@@ -97,12 +97,12 @@ class LiftWindow(Window):
             ("step", "Next frame (Right)", lambda: self.step(1)), ("fit", "Show everything (0)", self.fit),
             ("camera", "View from the camera (C)", self.from_camera),
         ):  # fmt: skip
-            made = icon_button(self, pygame.Rect(x, px(self.scale, 6), side, side), picture, tip, back)
-            self.buttons[made] = do
+            new_button = icon_button(self, pygame.Rect(x, px(self.scale, 6), side, side), picture, tip, back)
+            self.buttons[new_button] = do
             if picture == "play":
-                self.play = made
+                self.play = new_button
             if picture == "camera" and self.show.camera is None:
-                made.disable()
+                new_button.disable()
             x += side + gap
         wide = px(self.scale, 200)
         self.clock = words(
@@ -159,10 +159,10 @@ class LiftWindow(Window):
         if self.show.camera is not None:
             busy = "solving …" if self.solver.busy else ""
             self.solved.say(busy or (f"solved in {self.solver.seconds:.2f} s" if self.solver.seconds else ""))
-        wanted = "pause" if self.playing else "play"
-        if wanted != self._icon:
-            self._icon = wanted
-            set_icon(self, self.play, wanted)
+        icon_name = "pause" if self.playing else "play"
+        if icon_name != self._icon:
+            self._icon = icon_name
+            set_icon(self, self.play, icon_name)
         if self.scrub.get_current_value() != self.k and not self.scrub.has_moved_recently:
             self.scrub.set_current_value(self.k)
             self.scrub.has_moved_recently = False
@@ -257,8 +257,8 @@ class LiftWindow(Window):
             return np.zeros((0, 4))
         camera, near = self.painter.camera, 1.01 * self._near()
         one, two = ((points - camera.eye) @ camera.axes[2] for points in (begin, end))
-        seen = (one > near) | (two > near)
-        begin, end, one, two = begin[seen], end[seen], one[seen], two[seen]
+        in_front = (one > near) | (two > near)
+        begin, end, one, two = begin[in_front], end[in_front], one[in_front], two[in_front]
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.clip((near - one) / (two - one), 0.0, 1.0)[:, None]
         cut = begin + share * (end - begin)

@@ -124,9 +124,9 @@ class RecordingEdits:
         self._change(lambda file: file.remove(name))
 
     def _step(self, step):
-        made = []
-        self._change(lambda file: made.append(step(file)))
-        return sentence_of(made[0]) if made[0] is not None else None
+        new_layers = []
+        self._change(lambda file: new_layers.append(step(file)))
+        return sentence_of(new_layers[0]) if new_layers[0] is not None else None
 
     def _change(self, change):
         """Change the file as it is now on the disk, where another program may have written to it."""

@@ -225,8 +225,8 @@ def _with_places(files, folder):
     places = {}
     for kind in ("recording", "journal"):
         path = getattr(files, kind)
-        here = folder / Path(path).name if path else None
-        places[kind] = str(here) if here is not None and not _written(path) and _written(here) else path
+        own_path = folder / Path(path).name if path else None
+        places[kind] = str(own_path) if own_path is not None and not _written(path) and _written(own_path) else path
     return files.model_copy(update=places)
 
 

@@ -58,12 +58,12 @@ class LevelFile:
             status = os.stat(self.path)
         except OSError:
             return "deleted" if self._known else ""
-        seen = status.st_mtime_ns, status.st_size
-        if seen == self._seen:
+        stamp = status.st_mtime_ns, status.st_size
+        if stamp == self._seen:
             return ""
         if _digest(self._bytes()) != self._known:
             return "changed"
-        self._seen = seen
+        self._seen = stamp
         return ""
 
     def beside(self, ending):
@@ -118,8 +118,8 @@ class Keeping:
         try:
             level = read_level_text(self.editor.text().encode(), to, self.library, self.level.files)
             files = dict(list(level.files.items())[1:])
-            there = brush_library(to).names()
-            own = [name for name in brushes_used(level) if name not in there]
+            known = brush_library(to).names()
+            own = [name for name in brushes_used(level) if name not in known]
             files |= {f"brushes/{name}{SUFFIX}": self.library.path(name).read_bytes() for name in own}
             for name, data in files.items():
                 if not (to.parent / name).exists():

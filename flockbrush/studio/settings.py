@@ -87,9 +87,9 @@ def _understood(path, data):
     """The settings that are right, and a sentence about the first one that is wrong."""
     problem = ""
     while True:
-        made, mistakes = validated(Settings, data)
-        if made is not None:
-            return made, problem
+        settings, mistakes = validated(Settings, data)
+        if settings is not None:
+            return settings, problem
         key, message = mistakes[0]
         problem = problem or f"{path}: {key[0] if key else 'settings'}: {message}; ignored"
         wrong = {where[0] for where, _ in mistakes if where}

@@ -233,12 +233,12 @@ class Timeline:
         WentWrong
             When a tick of the past cannot be lived again; the world is at the last kept moment before it.
         """
-        tick, here = min(max(int(tick), 0), self.current.last_tick), self.tick
+        tick, now = min(max(int(tick), 0), self.current.last_tick), self.tick
         start = self._nearest(tick)
-        if not here <= tick or start > here:
+        if not now <= tick or start > now:
             self._leave()
             self._stand(start)
-            self.moved += [box for _, box in between(self.current.changes, min(here, start), max(here, start))]
+            self.moved += [box for _, box in between(self.current.changes, min(now, start), max(now, start))]
         while self.tick < tick:
             if time.perf_counter() > deadline:
                 self.settle()

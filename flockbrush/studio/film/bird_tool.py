@@ -71,8 +71,8 @@ class BirdsMode(Mode):
 
     def freshen(self):
         birds = self.state.birds
-        here = len(birds.at(self.window.k))
-        self.count.say(f"{here} here, {len(birds.ids)} tracks")
+        count = len(birds.at(self.window.k))
+        self.count.say(f"{count} here, {len(birds.ids)} tracks")
         if birds.pending is None:
             self.pending.say("")
         else:
@@ -88,10 +88,12 @@ class BirdsMode(Mode):
         birds = self.state.birds
         if self.selected is not None and self.selected not in birds.ids:
             self.selected = None
-        there = self.selected is not None
-        self.who.say(f"{self.selected}: in {_frames(birds.sights()[self.selected])}" if there else "none selected")
+        is_selected = self.selected is not None
+        self.who.say(
+            f"{self.selected}: in {_frames(birds.sights()[self.selected])}" if is_selected else "none selected"
+        )
         for button in (*self.ends, self.remove, self.never):
-            enabled(button, there)
+            enabled(button, is_selected)
 
     # following ----------------------------------------------------------------------------
 
@@ -160,14 +162,14 @@ class BirdsMode(Mode):
         """Show the first or last frame in which the chosen bird is seen."""
         birds = self.state.birds
         if self.selected in birds.ids:
-            seen = np.flatnonzero(np.isfinite(birds.px[:, birds.ids.index(self.selected), 0]))
-            self.window.go(int(seen[which]))
+            frames_seen = np.flatnonzero(np.isfinite(birds.px[:, birds.ids.index(self.selected), 0]))
+            self.window.go(int(frames_seen[which]))
 
     def breaks(self):
         """Frames in which a track begins or ends though the film does not, in order."""
-        seen = np.isfinite(self.state.birds.px[..., 0])
-        first, last = seen.argmax(0), len(seen) - 1 - seen[::-1].argmax(0)
-        return sorted({int(k) for k in first if k > 0} | {int(k) for k in last if k < len(seen) - 1})
+        has_place = np.isfinite(self.state.birds.px[..., 0])
+        first, last = has_place.argmax(0), len(has_place) - 1 - has_place[::-1].argmax(0)
+        return sorted({int(k) for k in first if k > 0} | {int(k) for k in last if k < len(has_place) - 1})
 
     def next_break(self):
         """Show the next frame in which a track begins or ends."""
@@ -320,14 +322,16 @@ class BirdsMode(Mode):
         u, theme = self.window.scale, self.window.theme
         if not -50 < at[0] < canvas.image.shape[1] + 50 or not -50 < at[1] < canvas.image.shape[0] + 50:
             return
-        mine, thin = bird == self.selected, min(1.0, radius / (RING * u))
+        is_selected, thin = bird == self.selected, min(1.0, radius / (RING * u))
         colour, halo, dash = self.look(bird)
-        canvas.ring(at, radius, (2.0 + 3.5 * thin if mine else 3.6 * thin) * u, halo, 0.8)
-        canvas.ring(at, radius, (3.0 if mine else 1.8) * u, chrome(theme).accent if mine else colour, dash=dash)
+        canvas.ring(at, radius, (2.0 + 3.5 * thin if is_selected else 3.6 * thin) * u, halo, 0.8)
+        canvas.ring(
+            at, radius, (3.0 if is_selected else 1.8) * u, chrome(theme).accent if is_selected else colour, dash=dash
+        )
         if corrected:
             canvas.disc(at, 3.4 * u, theme.paper)
             canvas.disc(at, 2.2 * u, chrome(theme).accent)
-        if mine or radius > 0.6 * RING * u:  # in a throng numbers would hide the birds: zoom in
+        if is_selected or radius > 0.6 * RING * u:  # in a throng numbers would hide the birds: zoom in
             self._draw_number(canvas, bird, at + (0.75 * radius, -0.75 * radius))
 
     def look(self, bird):

@@ -269,8 +269,8 @@ class ClipWindow(Window):
         if button == 3:
             self.mode.click_right(self.place(at), at)
         else:
-            mine = button == 1 and self.mode.press(self.place(at), at)
-            self._held = "mode" if mine else "view", at, button
+            handled = button == 1 and self.mode.press(self.place(at), at)
+            self._held = "mode" if handled else "view", at, button
 
     def _drag(self, at):
         who, last, button = self._held

@@ -43,11 +43,11 @@ class LandmarksMode(Mode):
     def freshen(self):
         marks = self.state.marks.landmarks
         for k, row in enumerate(self.rows):
-            there = k < len(marks)
-            text = f"{k + 1}: frame {marks[k].frame}, {self._said(marks[k])}" if there else "–"
+            exists = k < len(marks)
+            text = f"{k + 1}: frame {marks[k].frame}, {self._said(marks[k])}" if exists else "–"
             if row.text != text:
                 row.set_text(text)
-            enabled(row, there)
+            enabled(row, exists)
         enabled(self.all_gone, marks)
         for mark in marks:
             if mark not in self.found and f"landmark {mark.argument}" not in self.window.jobs:
@@ -121,9 +121,9 @@ class LandmarksMode(Mode):
 
     def release(self, place, at):
         held, self.held = self.held, None
-        made = None if held is None else between(self.window.k, *held, self.window.film.size)
-        if made is not None:
-            marks = (*self.state.marks.landmarks, made)
+        landmark = None if held is None else between(self.window.k, *held, self.window.film.size)
+        if landmark is not None:
+            marks = (*self.state.marks.landmarks, landmark)
             self.mark(f"landmark {len(marks)}", landmarks=marks)
         elif held is not None:
             self.window.toasts.say("Drag from one corner of the rectangle to the other.")

@@ -90,11 +90,11 @@ class AnimalPanel(ScrollPanel):
 
     def _lay_out(self, whom, facts=0, pulls=0):
         """Make the widgets for so many facts and forces, unless they are there."""
-        wanted = (whom is None, facts, pulls)
-        if self.whom == wanted:
+        layout = (whom is None, facts, pulls)
+        if self.whom == layout:
             return
         self._clear()
-        self.whom = wanted
+        self.whom = layout
         y, px = 0, self.px
         if whom is None:
             self._picture("nobody", 0, px(110))

@@ -239,11 +239,11 @@ class BrushPanel(Panel):
     def _do(self, label, commands, join=None):
         """Submit what was asked for, and show what came of it."""
         try:
-            made = commands()
+            new_commands = commands()
         except ValueError as error:
             self.app.notify(str(error), "warning")
         else:
-            self.app.session.do(label, made, join=join)
+            self.app.session.do(label, new_commands, join=join)
         self._show()
 
     def handle(self, event):
@@ -294,16 +294,16 @@ class BrushPanel(Panel):
         if brush is None:
             return None
         try:
-            made = as_new(brush, self.asset_of(brush), name, datetime.date.today())
+            new_brush = as_new(brush, self.asset_of(brush), name, datetime.date.today())
             if name in {*self.app.session.library.names(), *palette_of(self.app.session).names}:
                 raise ValueError(f"a brush {name!r} already exists; choose another name")
         except ValueError as error:
             self.app.notify(str(error), "error")
             return False
-        path = self.app.session.save_brush(made)
+        path = self.app.session.save_brush(new_brush)
         if path is None:
             return None  # the session has said why
-        self.app.session.do(f"new brush {name}", [use(made)])
+        self.app.session.do(f"new brush {name}", [use(new_brush)])
         self.app.brush = self.name = name
         self.app.notify(f"Saved {path}; '{name}' is selected")
         self.refresh()

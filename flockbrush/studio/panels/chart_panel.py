@@ -137,8 +137,8 @@ class ChartsPanel(ScrollPanel):
 
 def counted_words(chart, now) -> list[str]:
     """Two lines: animals by species, most first; and who was born and is gone since the start of a chart."""
-    there = {name: value_at(chart.time, counts, now) for name, counts in chart.species.items()}
-    known = {name: int(count) for name, count in there.items() if count and math.isfinite(count)}
+    counts_now = {name: value_at(chart.time, counts, now) for name, counts in chart.species.items()}
+    known = {name: int(count) for name, count in counts_now.items() if count and math.isfinite(count)}
     ever = value_at(chart.time, chart.ever, now)
     if not math.isfinite(ever):
         return []

@@ -116,8 +116,8 @@ class ViewPanel(ScrollPanel):
 
     def _scale_now(self) -> str:
         """What the person has chosen, as the drop-down says it."""
-        wanted = self.app.settings.ui_scale if self.app.settings is not None else None
-        return said(min(SCALES, key=lambda scale: abs(scale - wanted))) if wanted else AUTOMATIC
+        chosen = self.app.settings.ui_scale if self.app.settings is not None else None
+        return said(min(SCALES, key=lambda scale: abs(scale - chosen))) if chosen else AUTOMATIC
 
 
 def overlays() -> dict[str, dict[str, tuple[str, str]]]:

@@ -89,7 +89,7 @@ def outline(kind, thing):
 
 def free_name(simulation, kind) -> str:
     """A name that no thing of this kind has yet: "goal 2"."""
-    used_names = {getattr(thing, "name", "") for there, thing in things(simulation) if there == kind}
+    used_names = {getattr(thing, "name", "") for other_kind, thing in things(simulation) if other_kind == kind}
     return next(name for n in range(1, len(used_names) + 2) if (name := f"{kind} {n}") not in used_names)
 
 
