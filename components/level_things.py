@@ -64,8 +64,8 @@ def prop(kind, default, meaning, unit="", kept=..., **bounds) -> Any:
 
     The default is ``kept`` in the field, if that is given, and shown to a designer as ``default``.
     """
-    told = Property("", kind, default, meaning, unit, **bounds)
-    return field(default=default if kept is ... else kept, metadata={"property": told})
+    described = Property("", kind, default, meaning, unit, **bounds)
+    return field(default=default if kept is ... else kept, metadata={"property": described})
 
 
 def properties_of(thing) -> tuple[Property, ...]:

@@ -31,12 +31,12 @@ def cores():
 
 
 def _threads_at_start():
-    wanted = os.environ.get("FLOCKBRUSH_THREADS", "")
-    if not wanted:
+    setting = os.environ.get("FLOCKBRUSH_THREADS", "")
+    if not setting:
         return cores()
-    if wanted.isdecimal() and int(wanted):
-        return int(wanted)
-    message = f"FLOCKBRUSH_THREADS must be a whole number of at least 1, got {wanted!r}; using all cores"
+    if setting.isdecimal() and int(setting):
+        return int(setting)
+    message = f"FLOCKBRUSH_THREADS must be a whole number of at least 1, got {setting!r}; using all cores"
     warnings.warn(Advice(message), stacklevel=2)
     return cores()
 

@@ -106,8 +106,8 @@ class LevelSketch:
 
     def picture(self, name, image, **properties):
         """An image layer; its picture is a file beside the level."""
-        told = [{"name": k, "type": "float", "value": v} for k, v in sorted(properties.items())]
-        self._add({"image": image, "name": name, "opacity": 0.3, "properties": told, "type": "imagelayer"})
+        entries = [{"name": k, "type": "float", "value": v} for k, v in sorted(properties.items())]
+        self._add({"image": image, "name": name, "opacity": 0.3, "properties": entries, "type": "imagelayer"})
 
     def note(self, x, y, text, width=20.0, height=5.0):
         """A text for people, on the layer "notes", by its north-west corner, in metres."""

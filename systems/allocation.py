@@ -51,9 +51,9 @@ class Shares(NamedTuple):
 def relations_of(world):
     """`Kinds` of all animals of a world, for models."""
     agents, palette, fauna = world.agents, world.resource(Palette), world.resource(SpeciesList)
-    told = fauna.relations
+    relations = fauna.relations
     kind = kinds_of(agents[Species.index], palette.danger[agents[BrushBinding.brush]])
-    return frozen(Kinds(kind, told.verb == FEAR, told.prey))
+    return frozen(Kinds(kind, relations.verb == FEAR, relations.prey))
 
 
 def kin(world):

@@ -51,8 +51,8 @@ def groups_of(world):
     placed = np.flatnonzero((agents[FormationPlace.reference] > 0) | (agents[FormationPlace.place] == 0))
     if len(placed):
         links = links.tocoo()
-        kept = ~(np.isin(links.row, placed) & np.isin(links.col, placed))
-        links = coo_matrix((links.data[kept], (links.row[kept], links.col[kept])), shape=(n, n))
+        direct = ~(np.isin(links.row, placed) & np.isin(links.col, placed))
+        links = coo_matrix((links.data[direct], (links.row[direct], links.col[direct])), shape=(n, n))
     count, label = connected_components(links + _references(agents), directed=False)
     smallest = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(smallest, label, agents.ids)

@@ -152,11 +152,11 @@ class Collector:
 
     def fields(self, fps, obstacle=None, region=None, outline=None) -> Fields:
         """All frames taken so far."""
-        made = {name: np.array(values) for name, values in self.rows.items()}
+        arrays = {name: np.array(values) for name, values in self.rows.items()}
         return Fields(
             fps=float(fps), cell=self.grid.cell, origin=np.asarray(self.grid.origin, float),
             obstacle=np.zeros(self.grid.shape, bool) if obstacle is None else obstacle,
-            region=np.zeros(self.grid.shape, np.uint8) if region is None else region, outline=outline, **made,
+            region=np.zeros(self.grid.shape, np.uint8) if region is None else region, outline=outline, **arrays,
         )  # fmt: skip
 
 
@@ -232,7 +232,7 @@ def outlined(mask, grid: ClipGrid, scale, within=0.05) -> np.ndarray:
     """
     many, patches = cv2.connectedComponents(mask, connectivity=4)
     px = within / max(abs(grid.to_bl[0, 0]) * scale, 1e-12)
-    found = [np.zeros((0, 5))]
+    edges = [np.zeros((0, 5))]
     for k in range(1, many):
         # pixels are squares: a mask of twice the size has its border between them
         large = cv2.resize((patches == k).astype(np.uint8), None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
@@ -240,8 +240,8 @@ def outlined(mask, grid: ClipGrid, scale, within=0.05) -> np.ndarray:
             corners = cv2.approxPolyDP(line, 2 * px, True)[:, 0]
             if len(corners) > 2:
                 at = moved_by(grid.to_bl, (corners + 0.5) * 0.5 * scale)
-                found.append(np.column_stack([at, np.roll(at, -1, 0), np.full(len(at), k - 1.0)]))
-    return np.concatenate(found)
+                edges.append(np.column_stack([at, np.roll(at, -1, 0), np.full(len(at), k - 1.0)]))
+    return np.concatenate(edges)
 
 
 def painted(mask, grid: ClipGrid, scale) -> np.ndarray:

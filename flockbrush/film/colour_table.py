@@ -27,12 +27,12 @@ def index_of(picture):
 def looked_up(picture, table):
     """What the table says of every pixel, (h, w, 3) -> (h, w) uint8."""
     h, w = picture.shape[:2]
-    found = np.empty((h, w), np.uint8)
+    table_values = np.empty((h, w), np.uint8)
     for y in range(h):
         for x in range(w):
             b, g, r = picture[y, x, 0], picture[y, x, 1], picture[y, x, 2]
-            found[y, x] = table[((b >> SHIFT) * LEVELS + (g >> SHIFT)) * LEVELS + (r >> SHIFT)]
-    return found
+            table_values[y, x] = table[((b >> SHIFT) * LEVELS + (g >> SHIFT)) * LEVELS + (r >> SHIFT)]
+    return table_values
 
 
 def valley(away, counts):

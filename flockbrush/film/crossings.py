@@ -184,12 +184,12 @@ def _crossings(seen, alone, there):
             blob = int(seen.blob[f, run.track])
             if blob >= 0:
                 group[root(k)] = root(shared.setdefault((f, blob), k))
-    found: dict[int, dict[int, list[_Run]]] = {}
+    by_frame: dict[int, dict[int, list[_Run]]] = {}
     for k, run in enumerate(runs):
-        found.setdefault(root(k), {}).setdefault(run.track, []).append(run)
+        by_frame.setdefault(root(k), {}).setdefault(run.track, []).append(run)
     several = [
         [_Run(track, mine[0].first, mine[-1].last) for track, mine in part.items()]
-        for part in found.values()
+        for part in by_frame.values()
         if len(part) > 1
     ]
     return sorted(several, key=lambda part: min(run.first for run in part))
@@ -241,9 +241,9 @@ def _name(runs, names, seen, walk):
 def _until(tracks, names, seen, first):
     """The first frame whose identities were set by hand and are not reassigned."""
     who = sorted({*tracks, *names[first, tracks].tolist()})
-    said = np.flatnonzero(seen.fixed[first:, who].any(1))
+    fixed = np.flatnonzero(seen.fixed[first:, who].any(1))
     turns = np.flatnonzero((names[first:, tracks] != names[first, tracks]).any(1))
-    return first + min([*said[:1].tolist(), *turns[:1].tolist(), len(names) - first])
+    return first + min([*fixed[:1].tolist(), *turns[:1].tolist(), len(names) - first])
 
 
 def _shared(f, moved, tracks, old, seen, walk):

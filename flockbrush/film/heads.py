@@ -75,8 +75,8 @@ def _walkers(at, forward, track, begin, noise, fps):
     for far, times, seconds in SURE:
         near = max(NEAR, round(seconds * fps))
         first, last = np.maximum(row - near, begin[track]), np.minimum(row + near, begin[track + 1] - 1)
-        gone = ((at[last] - at[first]) * forward).sum(1)
-        sure = gone > max(far, FIRM * noise)
+        distance = ((at[last] - at[first]) * forward).sum(1)
+        sure = distance > max(far, FIRM * noise)
         often = np.bincount(track[sure], minlength=len(begin) - 1) >= times
         if often.sum() >= WALKERS:
             return sure & often[track]

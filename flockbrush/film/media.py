@@ -52,7 +52,7 @@ def decoded(data: bytes, path, hint="", flags=cv2.IMREAD_COLOR) -> np.ndarray:
         raise refused(path, what)
     width, height = size
     if width * height > limits.PICTURE_PIXELS:
-        raise refused(path, f"has {width:,} x {height:,} pixels; the maximum is {limits.PICTURE_PIXELS.told}")
+        raise refused(path, f"has {width:,} x {height:,} pixels; the maximum is {limits.PICTURE_PIXELS.text}")
     picture = picture_decoding.decoded(data, flags)
     if picture is None:
         raise refused(path, what)
@@ -108,7 +108,7 @@ def pictures_of(container, path):
 def check_frame_size(path, width, height):
     """ProblemsError when the frames of a film are larger than `limits.FILM_PIXELS`."""
     if width * height > limits.FILM_PIXELS:
-        message = f"has frames of {width:,} x {height:,} pixels; the maximum is {limits.FILM_PIXELS.told}"
+        message = f"has frames of {width:,} x {height:,} pixels; the maximum is {limits.FILM_PIXELS.text}"
         raise refused(path, message)
 
 

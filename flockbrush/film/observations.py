@@ -297,12 +297,14 @@ class Evidence:
         fields_part = self.fields.part(chosen)
         if not len(fields_part):
             raise ValueError(f"none of the {len(self.fields)} frames of {self.name} is left")
-        seen = self.sightings.part(chosen) if self.sightings is not None else None
+        sightings = self.sightings.part(chosen) if self.sightings is not None else None
         speed = None
         if self.speed and len(fields_part) > 1:
-            speed = speed_evidence(fields_part, seen, self.speed.body_pixels, self.speed.smoothed)
+            speed = speed_evidence(fields_part, sightings, self.speed.body_pixels, self.speed.smoothed)
         camera = self.camera[chosen] if self.camera is not None else None
-        return replace(self, fields=fields_part, sightings=seen, speed=speed, camera=camera, notes=list(self.notes))
+        return replace(
+            self, fields=fields_part, sightings=sightings, speed=speed, camera=camera, notes=list(self.notes)
+        )
 
     def in_lengths_of(self, pixels: float) -> Evidence:
         """The same in body lengths of so many pixels of the clip (see `clip_body_px`)."""
@@ -351,17 +353,17 @@ class Evidence:
         data = read(path)
         if "clip.name" not in data:
             raise refused(path, "has only fields and no clip; make it with flockbrush fields CLIP")
-        made = {"fields": _fields(path, data)}
+        parts = {"fields": _fields(path, data)}
         with damage(path):
             if "sightings.xy" in data:
-                made["sightings"] = Sightings(**part_of(data, "sightings"))
+                parts["sightings"] = Sightings(**part_of(data, "sightings"))
             if "speed.mean" in data:
-                made["speed"] = SpeedEvidence.of_arrays(part_of(data, "speed"))
+                parts["speed"] = SpeedEvidence.of_arrays(part_of(data, "speed"))
             clip = part_of(data, "clip")
             clip["notes"] = [str(note) for note in json.loads(str(clip["notes"]))]
             if "picture" in clip:
                 clip["picture"] = unpacked(path, clip["picture"])
-            return Evidence(**clip, **made)
+            return Evidence(**clip, **parts)
 
 
 def halves(evidence: Evidence, share: float = 0.5) -> tuple[Evidence, Evidence]:

@@ -147,27 +147,27 @@ class _Known:
     def next(self, xy, axis, moves, names):
         """Match the bodies of the next frame, and write their names."""
         ahead = self.at + self.go
-        mine, theirs = matched(ahead, self.axis, np.where(self.age > 1, REACH, REACH_NEW), xy, axis)
-        self._see(mine, theirs, xy, axis, moves, ahead, names)
-        new = np.setdiff1d(np.arange(len(xy)), theirs)
+        matched_tracks, matched_bodies = matched(ahead, self.axis, np.where(self.age > 1, REACH, REACH_NEW), xy, axis)
+        self._see(matched_tracks, matched_bodies, xy, axis, moves, ahead, names)
+        new = np.setdiff1d(np.arange(len(xy)), matched_bodies)
         self._begin(new, xy, axis, moves, names)
 
-    def _see(self, mine, theirs, xy, axis, moves, ahead, names):
+    def _see(self, tracks, bodies, xy, axis, moves, ahead, names):
         """Those that were found go on; the others are carried on for some frames."""
-        steps = (xy[theirs] - self.at[mine]) / (1 + self.missed[mine])[:, None]
-        gain = np.where(self.age[mine] > 3, 0.35, np.where(self.age[mine] > 1, 0.6, 1.0))[:, None]
-        self.go[mine] += gain * (steps - self.go[mine])
+        steps = (xy[bodies] - self.at[tracks]) / (1 + self.missed[tracks])[:, None]
+        gain = np.where(self.age[tracks] > 3, 0.35, np.where(self.age[tracks] > 1, 0.6, 1.0))[:, None]
+        self.go[tracks] += gain * (steps - self.go[tracks])
         if moves is not None:
-            say = moves[theirs]
-            told = np.isfinite(say[:, 0])
-            self.go[mine[told]] += 0.3 * (say[told] - self.go[mine[told]])
-        lost = np.setdiff1d(np.arange(len(self.at)), mine)
+            say = moves[bodies]
+            known = np.isfinite(say[:, 0])
+            self.go[tracks[known]] += 0.3 * (say[known] - self.go[tracks[known]])
+        lost = np.setdiff1d(np.arange(len(self.at)), tracks)
         self.at[lost] = ahead[lost]
         self.missed[lost] += 1
-        self.at[mine], self.axis[mine] = xy[theirs], axis[theirs]
-        self.missed[mine] = 0
-        self.age[mine] += 1
-        names[theirs] = self.name[mine]
+        self.at[tracks], self.axis[tracks] = xy[bodies], axis[bodies]
+        self.missed[tracks] = 0
+        self.age[tracks] += 1
+        names[bodies] = self.name[tracks]
         keep = (self.missed <= GAP) & ~((self.age < 2) & (self.missed > 1))
         for name in ("at", "go", "axis", "name", "age", "missed"):
             setattr(self, name, getattr(self, name)[keep])
@@ -176,8 +176,8 @@ class _Known:
         """Those nobody was foretold at begin, going as the picture flows or as those around them."""
         go = self._as_neighbours(xy[new], axis[new])
         if moves is not None:
-            told = np.isfinite(moves[new, 0])
-            go[told] = moves[new][told]
+            known = np.isfinite(moves[new, 0])
+            go[known] = moves[new][known]
         names[new] = np.arange(self.count, self.count + len(new))
         self.count += len(new)
         zero = np.zeros(len(new), int)
@@ -345,9 +345,9 @@ def _along_the_way(frame, at, along, begin, half, noise):
     row = np.arange(len(frame))
     low, high = np.maximum(row - half, begin[:-1][track]), np.minimum(row + half, begin[1:][track] - 1)
     way = at[high] - at[low]
-    gone = np.hypot(*way.T)
-    way = way / np.maximum(gone, 1e-12)[:, None]
-    fast = (gone > WALKED) & (gone > SURE_WAY * noise) & (frame[high] - frame[low] <= 2 * half)
+    distance = np.hypot(*way.T)
+    way = way / np.maximum(distance, 1e-12)[:, None]
+    fast = (distance > WALKED) & (distance > SURE_WAY * noise) & (frame[high] - frame[low] <= 2 * half)
     aside = fast & (np.abs((way * along).sum(1)) < ACROSS)
     return np.where(aside[:, None], way, along), aside
 
@@ -362,11 +362,11 @@ def _heads(at, along, begin, noise, looks, angle, moved):
         a, b = begin[track], begin[track + 1]
         back = np.zeros((b - a, 2), np.int64)
         cost = np.zeros(2)
-        gone = 0.0
+        distance = 0.0
         for k in range(a, b):
             lo, hi = max(a, k - 3), min(b - 1, k + 3)
             dx, dy = at[hi, 0] - at[lo, 0], at[hi, 1] - at[lo, 1]
-            gone = max(gone, np.hypot(at[k, 0] - at[a, 0], at[k, 1] - at[a, 1]))
+            distance = max(distance, np.hypot(at[k, 0] - at[a, 0], at[k, 1] - at[a, 1]))
             forwards = (dx * along[k, 0] + dy * along[k, 1]) / (2.5 * noise + 0.02)
             forwards = min(max(forwards, -4.0), 4.0)
             new = np.zeros(2)
@@ -387,7 +387,7 @@ def _heads(at, along, begin, noise, looks, angle, moved):
             s = back[k - a, s]
         for k in range(a + 1, b):
             angle[k] -= 2 * np.pi * np.round((angle[k] - angle[k - 1]) / (2 * np.pi))
-        moved[a:b] = gone
+        moved[a:b] = distance
 
 
 @njit(cache=True, nogil=True)

@@ -16,6 +16,7 @@ import numpy as np
 
 from flockbrush.film.camera_maps import LOST, Steady, after, back, fitted, joined_tracks, moved_by, scaled_maps, zoom_of
 from flockbrush.film.clip_reader import Clip, Say, silent
+from flockbrush.film.landmarks import csrt
 from flockbrush.film.observations import CannotObserve
 
 SIDE = 640  # px, the longer side of the pictures in which corners are followed
@@ -31,21 +32,6 @@ SHOT = 8  # frames from which something can be learned
 ALIKE = 0.4  # correlation of what is in a rectangle with what was in it at first, below which it is lost
 _CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.02)
 _LK = dict(winSize=(15, 15), maxLevel=3, criteria=_CRITERIA, minEigThreshold=1e-4)
-
-
-@dataclass(frozen=True)
-class GroundLandmark:
-    """A rectangle on the ground, in one frame of a clip."""
-
-    frame: int  # its number
-    # x, y, w, h: left, top, width and height, pixels of the clip
-    x: float
-    y: float
-    w: float
-    h: float
-
-
-# similarities ----------------------------------------------------------------------------
 
 
 # by the ground ---------------------------------------------------------------------------
@@ -117,24 +103,24 @@ class _Follower:
         if self.bare:
             self.maps.append(np.eye(2, 3))
             return True
-        found = self._found(grey)
-        if found is None:
+        to_first = self._found(grey)
+        if to_first is None:
             return False
-        self.maps.append(found)
-        self.last = _Key(grey, np.empty((0, 2)), found)
+        self.maps.append(to_first)
+        self.last = _Key(grey, np.empty((0, 2)), to_first)
         self._choose_key(k, picture, grey)
         return True
 
     def _found(self, grey):
         """The map of this picture to the first, or None; by the picture before where that shows more of its ground."""
-        found, agree = self._against(self.key, grey)
+        m, agree = self._against(self.key, grey)
         if agree < FEW and self.last.to_first is not self.key.to_first:
             last = _Key(self.last.grey, _corners(self.last.grey), self.last.to_first)
             again, better = self._against(last, grey)
             if better > BETTER * agree:
                 self.keys.append(last)
-                self.key, found = last, again
-        return found
+                self.key, m = last, again
+        return m
 
     def _against(self, key, grey):
         """(Map of this picture to the first by one key picture, share of its corners that agree); (None, 0) unknown."""
@@ -145,15 +131,15 @@ class _Follower:
             if seen is None:
                 break
             for _ in range(2):
-                found, error, agree = _refined(key, grey, seen)
-                if found is None:
+                m, error, agree = _refined(key, grey, seen)
+                if m is None:
                     break
-                step = np.abs(moved_by(found, _frame(grey)) - moved_by(seen, _frame(grey))).max()
-                seen = found
+                step = np.abs(moved_by(m, _frame(grey)) - moved_by(seen, _frame(grey))).max()
+                seen = m
                 if step < 2.0:
                     break
-            if found is not None and agree > most:
-                best, most, off = after(key.to_first, found), agree, error
+            if m is not None and agree > most:
+                best, most, off = after(key.to_first, m), agree, error
             if most >= SCARCE:
                 break
         if best is not None:
@@ -227,10 +213,10 @@ def _corners(grey, away=None):
     if away is not None:
         wide = cv2.dilate(away.astype(np.uint8), np.ones((9, 9), np.uint8))
         free = 255 * (1 - cv2.resize(wide, grey.shape[::-1], interpolation=cv2.INTER_NEAREST))
-    found = cv2.goodFeaturesToTrack(grey, 2000, 0.002, 7, mask=free)
-    if found is None:
+    corners = cv2.goodFeaturesToTrack(grey, 2000, 0.002, 7, mask=free)
+    if corners is None:
         return np.empty((0, 2))
-    points = found.reshape(-1, 2)  # the best first
+    points = corners.reshape(-1, 2)  # the best first
     bucket = _bucket(points, grey.shape)
     order = np.argsort(bucket, kind="stable")
     begins = np.r_[0, np.flatnonzero(np.diff(bucket[order])) + 1]
@@ -277,16 +263,16 @@ def _consensus(seen, at, shape):
     for _ in range(2):
         if rest.sum() < LEAST:
             break
-        found, fine = cv2.estimateAffinePartial2D(
+        m, fine = cv2.estimateAffinePartial2D(
             seen[rest], at[rest], method=cv2.RANSAC, ransacReprojThreshold=NEAR, maxIters=500, confidence=0.995
         )
-        if found is None or fine.sum() < LEAST:
+        if m is None or fine.sum() < LEAST:
             break
         agree = np.zeros(len(at), bool)
         agree[np.flatnonzero(rest)[fine.ravel().astype(bool)]] = True
         covers = len(np.unique(_bucket(at[agree], shape)))
         if covers > wide:
-            best, chosen, wide = found, agree, covers
+            best, chosen, wide = m, agree, covers
         if agree.mean() > 0.7:
             break
         rest &= ~agree
@@ -316,8 +302,8 @@ def _by_descriptors(grey, other):
         return None
     a = np.array([pa[m.queryIdx].pt for m in pairs])
     b = np.array([pb[m.trainIdx].pt for m in pairs])
-    found, fine = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=3.0, maxIters=2000)
-    return found if found is not None and fine.sum() >= LEAST else None
+    similarity, fine = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=3.0, maxIters=2000)
+    return similarity if similarity is not None and fine.sum() >= LEAST else None
 
 
 # by landmarks ----------------------------------------------------------------------------
@@ -341,11 +327,11 @@ def follow_landmarks(clip: Clip, landmarks, say: Say = silent) -> Steady:
     done = [0] * len(landmarks)
 
     def track(i):
-        def told(count):
+        def report(count):
             done[i] = count
             say("tracking the landmarks", sum(done), len(pictures) * len(landmarks))
 
-        return _Track(clip, pictures, *begin[i], landmarks[i], told).followed()
+        return _Track(clip, pictures, *begin[i], landmarks[i], report).followed()
 
     with ThreadPoolExecutor(2) as pool:
         tracks = list(pool.map(track, range(len(landmarks))))
@@ -378,20 +364,20 @@ def _placed(clip, mark, shape):
 class _Track:
     """One landmark through all pictures."""
 
-    def __init__(self, clip, pictures, row, rect, mark, told):
-        self.clip, self.pictures, self.row, self.rect, self.mark, self.told = clip, pictures, row, rect, mark, told
+    def __init__(self, clip, pictures, row, rect, mark, report):
+        self.clip, self.pictures, self.row, self.rect, self.mark, self.report = clip, pictures, row, rect, mark, report
         x, y, w, h = rect
         grey = pictures[row][0]
         patch = grey[y : y + h, x : x + w]
-        found = cv2.goodFeaturesToTrack(patch, 80, 0.01, 4)
-        if found is None or len(found) < 4:
+        corners = cv2.goodFeaturesToTrack(patch, 80, 0.01, 4)
+        if corners is None or len(corners) < 4:
             raise CannotObserve(
                 clip.name,
                 f"the landmark of frame {mark.frame} has no corners to track; draw it around something with corners "
                 "that does not move, such as a rock or a bush",
                 {"pictures": {f"frame {mark.frame}": pictures[row][1]}},
             )
-        self.points = found.reshape(-1, 2).astype(float) + (x, y)
+        self.points = corners.reshape(-1, 2).astype(float) + (x, y)
         self.maps = np.full((len(pictures), 2, 3), np.nan)  # from the landmark's own picture to each
         self.maps[row] = np.eye(2, 3)
         self.lost: list[int] = []
@@ -404,32 +390,32 @@ class _Track:
         return self
 
     def _go(self, rows):
-        tracker = _csrt()
+        tracker = csrt()
         tracker.init(self.pictures[self.row][1], self.rect)
         guess, misses = np.eye(2, 3), 0
         for k in rows:
             fine, box = tracker.update(self.pictures[k][1])
-            found, alike = self._held(k, guess, box if fine else None)
-            misses = 0 if found is not None else misses + 1
+            m, alike = self._held(k, guess, box if fine else None)
+            misses = 0 if m is not None else misses + 1
             if misses >= LOST:
                 self.lost.append(k)
                 return
-            if found is not None:
-                guess = found
-                self.maps[k] = found
+            if m is not None:
+                guess = m
+                self.maps[k] = m
             self.count += 1
-            self.told(self.count)
+            self.report(self.count)
 
     def _held(self, k, guess, box):
         """(map to picture k, correlation) from where it was and from where CSRT says it is; None where it is not."""
         grey = self.pictures[k][0]
         tries = [guess] if box is None else [_to_box(guess, self.rect, box), guess]
         for seen in tries:
-            found = self._refined(grey, seen)
-            if found is not None:
-                alike = self._alike(grey, found)
+            m = self._refined(grey, seen)
+            if m is not None:
+                alike = self._alike(grey, m)
                 if alike > ALIKE:
-                    return found, alike
+                    return m, alike
         if box is not None and self._alike(grey, tries[0]) > ALIKE:
             return tries[0], ALIKE
         return None, 0.0
@@ -452,10 +438,10 @@ class _Track:
         if fine.sum() < 4:
             return None
         a, b = at[fine, 0].astype(float), now[fine, 0].astype(float)
-        found, agree = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=NEAR)
-        if found is None or agree.sum() < max(4, 0.3 * len(at)) or not 0.7 < zoom_of(found) < 1.4:
+        m, agree = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=NEAR)
+        if m is None or agree.sum() < max(4, 0.3 * len(at)) or not 0.7 < zoom_of(m) < 1.4:
             return None
-        return after(to_here, after(found, back(cut)))
+        return after(to_here, after(m, back(cut)))
 
     def _alike(self, grey, m):
         """Correlation of the rectangle's content with that of picture k under a map."""
@@ -470,19 +456,11 @@ class _Track:
         return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-6))
 
 
-def _csrt():
-    """A CSRT tracker that is quick enough for two rectangles on two cores."""
-    params = cv2.TrackerCSRT_Params()
-    params.template_size = 120
-    params.number_of_scales = 17
-    return cv2.TrackerCSRT_create(params)
-
-
 def _to_box(guess, rect, box):
     """The guess, shifted and zoomed so that the rectangle's middle is that of CSRT's box."""
     x, y, w, h = rect
     middle = np.array([x + w / 2, y + h / 2])
     now = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
-    made = guess.copy()
-    made[:, 2] = now - made[:, :2] @ middle
-    return made
+    shifted = guess.copy()
+    shifted[:, 2] = now - shifted[:, :2] @ middle
+    return shifted

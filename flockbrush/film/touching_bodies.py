@@ -85,14 +85,16 @@ def _likely(before, shape, shrink, corner, long):
         reach = int(np.ceil(3 * WANDERS * long))
         rows = slice(max(0, int(y) - reach), max(0, int(y) + reach + 1))
         columns = slice(max(0, int(x) - reach), max(0, int(x) + reach + 1))
-        here = likely[rows, columns]
-        if not here.size:
+        probabilities = likely[rows, columns]
+        if not probabilities.size:
             continue
-        down, right = np.mgrid[rows.start : rows.start + here.shape[0], columns.start : columns.start + here.shape[1]]
+        down, right = np.mgrid[
+            rows.start : rows.start + probabilities.shape[0], columns.start : columns.start + probabilities.shape[1]
+        ]
         along, across = c * (right + 0.5 - x) + s * (down + 0.5 - y), c * (down + 0.5 - y) - s * (right + 0.5 - x)
         own = np.exp(-0.5 * ((along / (WANDERS * long)) ** 2 + (across / (0.5 * WANDERS * long)) ** 2))
-        angle[rows, columns] = np.where(own > here, np.arctan2(s, c), angle[rows, columns])
-        likely[rows, columns] = np.maximum(here, own)
+        angle[rows, columns] = np.where(own > probabilities, np.arctan2(s, c), angle[rows, columns])
+        likely[rows, columns] = np.maximum(probabilities, own)
     return likely, angle
 
 

@@ -46,8 +46,8 @@ def movement_netcdf(path) -> TrackTable:
         position = data["position"]
         sizes = dict(zip(position.dimensions, position.shape, strict=True))
         if "time" not in sizes or sizes.get("space", 0) < 2:
-            told = ", ".join(f"{name} {size}" for name, size in sizes.items())
-            raise refused(path, f"its position has the dimensions {told}, without time or a space dimension of size 2")
+            shape = ", ".join(f"{name} {size}" for name, size in sizes.items())
+            raise refused(path, f"its position has the dimensions {shape}, without time or a space dimension of size 2")
         check_size(path, sizes["time"], sizes.get("individuals", 1))
         order = [position.dimensions.index(n) for n in ("time", "individuals", "keypoints", "space") if n in sizes]
         if len(order) < len(sizes):

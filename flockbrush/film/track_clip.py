@@ -78,18 +78,18 @@ def _follow(clip, tracker):
 
 
 def _steps(film, tracker, total):
-    done = 0
+    frames_done = 0
     with progress("tracking birds", total) as bar:
         try:
             while True:
                 image = film.read()
                 if image is None:
-                    return done, False
+                    return frames_done, False
                 tracker.step(image)
-                done += 1
-                bar(done)
+                frames_done += 1
+                bar(frames_done)
         except KeyboardInterrupt:  # what was followed so far is worth keeping
-            return done, True
+            return frames_done, True
 
 
 def table_of(tracks: Tracks) -> str:

@@ -91,14 +91,14 @@ class _Pieces:
 
 def _pieces(tracks, length):
     """Each track cut at its long gaps."""
-    seen, most = tracks.seen, max(GAP_FRAMES, round(GAP * tracks.fps))
+    has_place, most = tracks.seen, max(GAP_FRAMES, round(GAP * tracks.fps))
     spans = []
-    for animal in range(seen.shape[1]):
-        rows = np.flatnonzero(seen[:, animal])
+    for animal in range(has_place.shape[1]):
+        rows = np.flatnonzero(has_place[:, animal])
         for part in np.split(rows, np.flatnonzero(np.diff(rows) > most) + 1):
             if len(part) >= SHORTEST:
                 spans.append((animal, part))
-    xy = np.full((len(seen), len(spans), 2), np.nan)
+    xy = np.full((len(has_place), len(spans), 2), np.nan)
     heading = None if tracks.heading is None else np.full(xy.shape[:2], np.nan)
     gaps = 0
     for k, (animal, rows) in enumerate(spans):
@@ -124,28 +124,28 @@ class _Motion:
 
     @classmethod
     def of(cls, pieces, fps):
-        found = smoothed(Tracks(pieces.xy, np.arange(pieces.xy.shape[1])))
-        velocity = central_differences(found.px) * fps
-        again = _again(pieces, found)
-        off, other = again - found.px, central_differences(again) * fps
+        paths = smoothed(Tracks(pieces.xy, np.arange(pieces.xy.shape[1])))
+        velocity = central_differences(paths.px) * fps
+        again = _again(pieces, paths)
+        off, other = again - paths.px, central_differences(again) * fps
         slow = max(SLOW * _spread(other - velocity), SLOWEST)
         angle, sure = _headings(pieces, velocity, slow)
         apart = _wrapped(np.arctan2(other[..., 1], other[..., 0]) - np.arctan2(velocity[..., 1], velocity[..., 0]))
         fast = np.hypot(velocity[..., 0], velocity[..., 1]) > slow
         turn = np.where(sure, central_differences(angle) * fps, np.nan)
-        window = max(SMOOTHED, 2.0 * found.stiffness ** (1 / 6) / fps)
+        window = max(SMOOTHED, 2.0 * paths.stiffness ** (1 / 6) / fps)
         return cls(
-            found.px, velocity, angle, turn, found.noise, _spread(off),
+            paths.px, velocity, angle, turn, paths.noise, _spread(off),
             float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window),
         )  # fmt: skip
 
 
-def _again(pieces, found):
+def _again(pieces, paths):
     """The paths smoothed again with noise of the estimated size: a parametric bootstrap."""
     rng = np.random.default_rng(51)
-    shaken = found.px + found.noise * rng.normal(size=found.px.shape)
+    shaken = paths.px + paths.noise * rng.normal(size=paths.px.shape)
     shaken[~np.isfinite(pieces.xy).all(-1)] = np.nan
-    return smoothed(Tracks(shaken, np.arange(shaken.shape[1])), found.stiffness).px
+    return smoothed(Tracks(shaken, np.arange(shaken.shape[1])), paths.stiffness).px
 
 
 def _spread(values):
@@ -187,31 +187,31 @@ def _missing_places(tracks, pieces, motion, length):
 
 def _sightings(pieces, motion, around):
     """(Sightings, (m, 2) velocities in the same order)."""
-    there = np.isfinite(motion.xy[..., 0])
-    angle = motion.angle[there]
+    known = np.isfinite(motion.xy[..., 0])
+    angle = motion.angle[known]
     forward = np.column_stack([np.cos(angle), np.sin(angle)])
-    velocity = motion.velocity[there]
+    velocity = motion.velocity[known]
     speed = np.maximum((velocity * forward).sum(1), 0.0)
-    track = np.broadcast_to(np.arange(there.shape[1]), there.shape)[there]
-    first = np.concatenate([[0], np.cumsum(there.sum(1))])
-    seen = Sightings(
-        first, motion.xy[there], forward, speed, motion.turn[there], track.astype(np.int64), around[there]
+    track = np.broadcast_to(np.arange(known.shape[1]), known.shape)[known]
+    first = np.concatenate([[0], np.cumsum(known.sum(1))])
+    sightings = Sightings(
+        first, motion.xy[known], forward, speed, motion.turn[known], track.astype(np.int64), around[known]
     )  # fmt: skip
-    return seen, velocity
+    return sightings, velocity
 
 
 # fields ---------------------------------------------------------------------------------------------
 
 
-def _fields(tracks, missing, seen, velocity, grid):
+def _fields(tracks, missing, sightings, velocity, grid):
     """The fields of all animals; a herd that comes and goes fills the grid, a whole one has room around it.
 
     Density and number count missing animals, too, on the ground where animals are seen; velocities are of those seen.
     """
-    low, high = seen.xy.min(0), seen.xy.max(0)
+    low, high = sightings.xy.min(0), sightings.xy.max(0)
     on_ground = ((missing >= low) & (missing <= high)).all(-1)
     gone, hidden = np.nonzero(on_ground)[0], missing[on_ground]
-    here = np.diff(seen.first) + on_ground.sum(1)
+    here = np.diff(sightings.first) + on_ground.sum(1)
     if here.min() >= WHOLE * here.max():
         room = max(1.2 * float((high - low).max()) / (grid - 2.4), EDGE)
     else:
@@ -219,13 +219,13 @@ def _fields(tracks, missing, seen, velocity, grid):
     low, high = low - room, high + room
     cell = float(max((high - low).max() / grid, 0.1))
     nx, ny = np.maximum(np.ceil((high - low) / cell - 1e-9).astype(int), 1)
-    shape = len(seen), int(ny), int(nx)
+    shape = len(sightings), int(ny), int(nx)
 
     def cells(frame, xy):
         at = np.clip(np.floor((xy - low) / cell).astype(int), 0, (nx - 1, ny - 1))
         return (frame * ny + at[:, 1]) * nx + at[:, 0]
 
-    grids = cell_statistics(cells(seen.frame, seen.xy), seen.forward, velocity, shape)
+    grids = cell_statistics(cells(sightings.frame, sightings.xy), sightings.forward, velocity, shape)
     unseen = np.bincount(cells(gone, hidden), minlength=math.prod(shape)).reshape(shape)
     density = (grids.pop("number") + unseen) / cell**2
     return Fields(
@@ -270,8 +270,8 @@ def _notes(tracks, pieces, motion, length):
 
 def _missing(tracks, motion):
     """Share of the time from the first to the last sight of an animal in which it is not there, gaps being filled."""
-    seen = tracks.seen[:, tracks.seen.any(0)]
-    stays = len(seen) - seen.argmax(0) - seen[::-1].argmax(0)
+    has_place = tracks.seen[:, tracks.seen.any(0)]
+    stays = len(has_place) - has_place.argmax(0) - has_place[::-1].argmax(0)
     return 1.0 - np.isfinite(motion.xy[..., 0]).sum() / stays.sum()
 
 
@@ -293,11 +293,11 @@ def drawn_tracks(evidence: Evidence, t: int) -> np.ndarray:
     """The animals of frame t on a plain ground, (h, w, 3) BGR."""
     assert evidence.picture is not None and evidence.sightings is not None, "tracks have both"
     image = evidence.picture.copy()
-    seen, way = evidence.sightings, np.asarray(evidence.to_pixels, float)
-    rows = seen.of(t)
+    sightings, way = evidence.sightings, np.asarray(evidence.to_pixels, float)
+    rows = sightings.of(t)
     scale = float(way[0, 0])
-    half = max(0.5 - evidence.radius_bl, 0.1) * seen.forward[rows]
-    ends = [(seen.xy[rows] + sign * half) @ way[:, :2].T + way[:, 2] for sign in (-1, 1)]
+    half = max(0.5 - evidence.radius_bl, 0.1) * sightings.forward[rows]
+    ends = [(sightings.xy[rows] + sign * half) @ way[:, :2].T + way[:, 2] for sign in (-1, 1)]
     thick = max(2, round(2 * evidence.radius_bl * scale))
     for tail, head in zip(*(np.round(end * 16).astype(int).tolist() for end in ends), strict=True):
         cv2.line(image, tail, head, BODY, thick, cv2.LINE_AA, 4)

@@ -126,21 +126,21 @@ def _checked(path, table, unit, scale, fps):
     xy = np.array(table.xy, float) * scale
     xy[~(np.abs(xy) < 1e12).all(-1)] = np.nan
     sights = np.isfinite(xy).all(-1).sum(0)
-    kept = sights >= FEWEST
-    if not kept.any():
+    enough = sights >= FEWEST
+    if not enough.any():
         most = int(sights.max(initial=0))
         raise refused(path, f"no animal is visible in more than {most} frames; at least {FEWEST} are needed")
     notes = list(table.notes)
-    if not kept.all():
-        notes.append(f"{int((~kept).sum())} animals visible in fewer than {FEWEST} frames were left out")
-    xy, heading = xy[:, kept], None if table.heading is None else table.heading[:, kept]
+    if not enough.all():
+        notes.append(f"{int((~enough).sum())} animals visible in fewer than {FEWEST} frames were left out")
+    xy, heading = xy[:, enough], None if table.heading is None else table.heading[:, enough]
     rows = np.flatnonzero(np.isfinite(xy[..., 0]).any(1))
     span = slice(rows[0], rows[-1] + 1)
     down = unit == "px" if table.down is None else table.down
     if down:
         xy = xy * (1.0, -1.0)
         heading = None if heading is None else -heading
-    ids = tuple(str(name) for name, keep in zip(table.ids, kept, strict=True) if keep)
+    ids = tuple(str(name) for name, keep in zip(table.ids, enough, strict=True) if keep)
     return Trajectories(
         xy[span], ids, fps, unit, None if heading is None else heading[span], np.asarray(table.frames)[span],
         path.name, _sha256(path), tuple(notes),

@@ -23,7 +23,7 @@ class TrackTable:
     frames: np.ndarray  # (T,)
     fps: float | None = None
     unit: str | None = None
-    down: bool | None = None  # whether y points down; as is usual for pixels unless told
+    down: bool | None = None  # whether y points down; as is usual for pixels by default
     heading: np.ndarray | None = None
     notes: list[str] = field(default_factory=list)
 
@@ -49,26 +49,26 @@ def placed(path, frames, names, animal, xy, heading=None):
         When an animal is twice in a frame, or the table would be larger than fits.
     """
     frames = np.asarray(frames, np.int64)
-    there = sorted(np.unique(animal).tolist(), key=lambda n: names[n])
+    present = sorted(np.unique(animal).tolist(), key=lambda n: names[n])
     column = np.zeros(len(names), np.int64)
-    column[there] = np.arange(len(there))
+    column[present] = np.arange(len(present))
     first, length = int(frames.min()), int(frames.max()) - int(frames.min()) + 1
-    check_size(path, length, len(there))
-    flat = (frames - first) * len(there) + column[animal]
+    check_size(path, length, len(present))
+    flat = (frames - first) * len(present) + column[animal]
     order = np.argsort(flat, kind="stable")
     twice = np.flatnonzero(np.diff(flat[order]) == 0)
     if len(twice):
         row = order[twice[0] + 1]
         raise refused(path, f"animal {names[animal[row]][:80]} is in frame {frames[row]} twice (row {row + 2})")
-    grid = np.full((length * len(there), 2), np.nan)
+    grid = np.full((length * len(present), 2), np.nan)
     grid[flat] = xy
     turned = None
     if heading is not None:
-        headings = np.full(length * len(there), np.nan)
+        headings = np.full(length * len(present), np.nan)
         headings[flat] = heading
         turned = headings.reshape(length, -1)
-    shown = [names[n] for n in there]
-    return grid.reshape(length, len(there), 2), shown, np.arange(first, first + length), turned
+    shown = [names[n] for n in present]
+    return grid.reshape(length, len(present), 2), shown, np.arange(first, first + length), turned
 
 
 def check_size(path, frames, animals):
@@ -91,7 +91,7 @@ def beside(path) -> dict:
     if not other.is_file() or other.stat().st_size > limits.MIB:
         return {}
     try:
-        found = json.loads(other.read_text("utf-8"))
+        metadata = json.loads(other.read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return metadata if isinstance(metadata, dict) else {}

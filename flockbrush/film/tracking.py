@@ -58,7 +58,7 @@ def blobs_of(image, least=5) -> list[Blob]:
     mask, away = (away > threshold).astype(np.uint8), away.astype(np.float32)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     most = min(mask.shape) / 6
-    found = []
+    blobs = []
     for k in range(1, count):
         left, top, wide, tall, area = stats[k]
         if area < least or max(wide, tall) > most:
@@ -68,8 +68,8 @@ def blobs_of(image, least=5) -> list[Blob]:
         weight = away[top + y, left + x].astype(float)
         pixels = np.column_stack([x + left + 0.5, y + top + 0.5])
         peaks = _peaks(mine, away[top : top + tall, left : left + wide] / (2 * threshold)) + (left, top)
-        found.append(Blob(weight @ pixels / weight.sum(), pixels, weight, peaks))
-    return found
+        blobs.append(Blob(weight @ pixels / weight.sum(), pixels, weight, peaks))
+    return blobs
 
 
 def _peaks(mine, contrast):
@@ -158,7 +158,7 @@ class _Bird:
         """Whether a person has said that it is no bird."""
         return len(self.turns) % 2 == 1
 
-    def told(self):
+    def path_as_bird(self):
         """The part of its path in which it is a bird."""
         return {f: at for f, at in self.path.items() if np.searchsorted(self.turns, f, "right") % 2 == 0}
 
@@ -225,8 +225,8 @@ class Tracker:
         reach = self.reach or max(6.0, 2.2 * np.sqrt(usual))
         seen, area, apart = self._parts(blobs, usual, reach)
         free = np.ones(len(seen), bool)
-        for number, x, y, *gone in self.by_hand.get(self.frame, ()):
-            self._by_hand(number, np.array([x, y]), seen, free, reach, any(gone))
+        for number, x, y, *removed in self.by_hand.get(self.frame, ()):
+            self._by_hand(number, np.array([x, y]), seen, free, reach, any(removed))
         self._match(seen, area, free, reach)
         self._begin(seen, area, free & apart, reach)
         self._unmask(set(map(tuple, seen[~apart].tolist())))
@@ -341,14 +341,14 @@ class Tracker:
                 bird.missed = GAP + 1
 
     def _let_go(self):
-        kept = []
+        remaining = []
         for bird in self.birds:
             if bird.missed > (GAP if bird.sure else 1):
                 if bird.sure:
                     self.gone.append(bird)
             else:
-                kept.append(bird)
-        self.birds = kept
+                remaining.append(bird)
+        self.birds = remaining
 
     def tracks(self) -> Tracks:
         """The tracks so far, broken ones joined, in order of number.
@@ -358,11 +358,11 @@ class Tracker:
         ValueError
             When no bird was followed.
         """
-        birds = [b for b in self.gone + self.birds if b.sure and len(b.told()) >= BORN_AFTER]
+        birds = [b for b in self.gone + self.birds if b.sure and len(b.path_as_bird()) >= BORN_AFTER]
         if not birds:
             raise ValueError("no bird could be tracked through three frames")
         ended = {b.number for b in birds if b.gone}
-        paths = _joined({b.number: b.told() for b in birds}, self.reach or 30.0, ended)
+        paths = _joined({b.number: b.path_as_bird() for b in birds}, self.reach or 30.0, ended)
         numbers = sorted(paths)
         frames = [f for path in paths.values() for f in path]
         first, last = min(frames), max(frames)

@@ -84,10 +84,10 @@ def read_marks(path: str | Path) -> dict[int, list[tuple]]:
     ------
     ProblemsError
     """
-    gone: list[bool] = []
-    frames, ids, px, _ = _rows(path, gone)
+    removed: list[bool] = []
+    frames, ids, px, _ = _rows(path, removed)
     marks: dict[int, list[tuple]] = {}
-    for frame, bird, (x, y), no in zip(frames.tolist(), ids.tolist(), px.tolist(), gone, strict=True):
+    for frame, bird, (x, y), no in zip(frames.tolist(), ids.tolist(), px.tolist(), removed, strict=True):
         marks.setdefault(frame, []).append((bird, x, y, True) if no else (bird, x, y))
     return marks
 
@@ -167,9 +167,11 @@ def _without_points(name, tracks):
     if short.any():
         who = ", ".join(map(str, tracks.ids[short][:10])) + (", ..." if short.sum() > 10 else "")
         tracks.notes.append(f"left out, visible in fewer than three frames: bird{'s' if short.sum() > 1 else ''} {who}")
-        kept = Tracks(tracks.px[:, ~short], tracks.ids[~short], tracks.first, tracks.notes)
-        rows = np.flatnonzero(kept.seen.any(1))
-        return Tracks(kept.px[rows[0] : rows[-1] + 1], kept.ids, kept.first + int(rows[0]), kept.notes)
+        remaining = Tracks(tracks.px[:, ~short], tracks.ids[~short], tracks.first, tracks.notes)
+        rows = np.flatnonzero(remaining.seen.any(1))
+        return Tracks(
+            remaining.px[rows[0] : rows[-1] + 1], remaining.ids, remaining.first + int(rows[0]), remaining.notes
+        )
     return tracks
 
 

@@ -150,13 +150,13 @@ def _wrong_with(toml, path, key) -> list[Problem]:
 
 
 def _numbers(toml, path, table, names):
-    found = []
+    problems = []
     for name in names:
         low, high = BOUNDS[name]
         if name in table and not (is_number(table[name]) and low <= table[name] <= high):
             message = f"must be a number from {low:g} to {high:g}, got {table[name]!r}"
-            found.append(toml.problem((*path, name), message))
-    return found
+            problems.append(toml.problem((*path, name), message))
+    return problems
 
 
 def _is_point(value):

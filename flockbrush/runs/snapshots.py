@@ -124,10 +124,10 @@ def between(before: Moment, after: Moment, time, wrap=None) -> Moment:
     both: slice | np.ndarray = slice(None)  # when nobody was born or died, nothing need be picked
     rows: slice | np.ndarray = slice(None)
     if not np.array_equal(before.ids, after.ids):
-        there = np.searchsorted(before.ids, after.ids)
-        there[there == len(before.ids)] = 0
-        both = before.ids[there] == after.ids if len(before.ids) else np.zeros(len(after.ids), bool)
-        rows = there[both]
+        rows_before = np.searchsorted(before.ids, after.ids)
+        rows_before[rows_before == len(before.ids)] = 0
+        both = before.ids[rows_before] == after.ids if len(before.ids) else np.zeros(len(after.ids), bool)
+        rows = rows_before[both]
     xyz, velocity, forward = after.xyz.copy(), after.velocity.copy(), after.forward.copy()
     way = after.xyz[both] - before.xyz[rows]
     if wrap is not None:

@@ -19,12 +19,12 @@ ACROSS = 2  # pictures side by side
 
 def whence(brush) -> str:
     """Tooltip text about the origin of a brush's parameters, and the fit of a learned brush."""
-    told = brush.provenance
-    lines = [f"{told.kind}: {told.clip or told.source}"]
-    if told.clip and told.frames:
-        lines[0] += f", frames {told.frames[0]} to {told.frames[1]}"
+    provenance = brush.provenance
+    lines = [f"{provenance.kind}: {provenance.clip or provenance.source}"]
+    if provenance.clip and provenance.frames:
+        lines[0] += f", frames {provenance.frames[0]} to {provenance.frames[1]}"
     for name in ("polarization", "milling"):
-        pair = [told.report.get(f"held-out {name}, {whose}") for whose in ("clip", "simulated")]
+        pair = [provenance.report.get(f"held-out {name}, {source}") for source in ("clip", "simulated")]
         if None not in pair:
             lines.append(f"{name} {pair[0]:.2f} in frames held out, {pair[1]:.2f} simulated")
     return "<br>".join(map(html.escape, lines))

@@ -88,10 +88,10 @@ class Shelf(UIScrollingContainer):
         if self._coming and self.visible:
             low = -self.scrollable_container.relative_rect.top
             high = low + self.rect.height
-            seen = [part for part in self._coming if part[1] > low and part[0] < high]
-            if seen:
-                self._coming = [part for part in self._coming if part not in seen]
-                for _, _, make in seen:
+            visible = [part for part in self._coming if part[1] > low and part[0] < high]
+            if visible:
+                self._coming = [part for part in self._coming if part not in visible]
+                for _, _, make in visible:
                     make()
 
 

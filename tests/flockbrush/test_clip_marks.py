@@ -178,7 +178,7 @@ def test_two_landmarks_tell_shift_turn_and_size():
 def test_a_rectangle_is_kept_within_the_picture_and_a_click_is_none():
     assert between(3, (50, 60), (-20, 10), (320, 180)) == (3, 0, 10, 50, 50)
     assert between(3, (50, 60), (52, 61), (320, 180)) is None
-    assert Landmark(3, 0, 10, 50, 50).told == "3:0,10,50,50"
+    assert Landmark(3, 0, 10, 50, 50).argument == "3:0,10,50,50"
 
 
 def test_the_bodys_colour_finds_the_bodies():

@@ -38,8 +38,8 @@ class Csv(Exporter):
         table, words = table_of(self.simulation, moment, self.frames)
         for name in ("x", "y", "z", "vx", "vy", "vz", "heading", "speed"):
             table[name] = np.round(table[name], 6) + 0.0  # no "-0.000000"
-        for name, said in words.items():
-            fields = [quoted(word) for word in said]
+        for name, texts in words.items():
+            fields = [quoted(word) for word in texts]
             table[name] = [fields[k] for k in table[name]]
         columns = [column if isinstance(column, list) else column.tolist() for column in table.values()]
         self._file.writelines(map(self._row.__mod__, zip(*columns, strict=True)))

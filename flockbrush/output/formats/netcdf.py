@@ -86,14 +86,14 @@ class NetCdf(Exporter):
         names = self._data.createVariable("individuals", str, ("individuals",))
         names[:] = _texts(f"animal_{animal}" for animal in self._rows)
         about = metadata_of(self.simulation, self.fps)
-        told = {
+        attributes = {
             "source_software": "Flockbrush",
             "source_file": "",
             "ds_type": "poses",
             "time_unit": "seconds",
             "log": "",
         }
-        self._data.setncatts(told | {key: as_attribute(value) for key, value in about.items()})
+        self._data.setncatts(attributes | {key: as_attribute(value) for key, value in about.items()})
         for name, words in words_of(self.simulation).items():
             if name in self._codes:
                 self._codes[name].names = ", ".join(words)

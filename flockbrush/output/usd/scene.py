@@ -88,18 +88,18 @@ class UsdStage:
 
 def problems_of(prototypes) -> list[str]:
     """What is wrong with ``--prototype`` texts."""
-    found = []
+    problems = []
     for text in prototypes or ():
         name, _, file = text.partition("=")
         if not name or not file:
-            found.append(f"--prototype must be SPECIES=FILE.usd, got {text!r}")
+            problems.append(f"--prototype must be SPECIES=FILE.usd, got {text!r}")
         elif not Path(file).is_file():
-            found.append(f"--prototype {text}: there is no file {file!r}")
+            problems.append(f"--prototype {text}: there is no file {file!r}")
         else:
             try:
                 stage = Usd.Stage.Open(file)
             except Exception:  # noqa: BLE001  whatever USD says of a file it cannot read
                 stage = None
             if stage is None or not stage.GetDefaultPrim():
-                found.append(f"--prototype {text}: this is not a USD file with a default prim")
-    return found
+                problems.append(f"--prototype {text}: this is not a USD file with a default prim")
+    return problems

@@ -74,8 +74,8 @@ class ChartsPanel(ScrollPanel):
     def _draw(self, name):
         """Draw one chart anew, if what it shows has changed."""
         chart, now, last = self.seen
-        said = (len(chart.time), chart.time[-1] if len(chart.time) else 0.0, now, last, self.app.theme.name)
-        if self.strips[name].said == said:
+        content = (len(chart.time), chart.time[-1] if len(chart.time) else 0.0, now, last, self.app.theme.name)
+        if self.strips[name].said == content:
             return
         if name == "axis":
             self.strips[name].show(axis_picture(end_of(last), self.strips[name].size, self.px(11), self.colours))
@@ -86,23 +86,23 @@ class ChartsPanel(ScrollPanel):
         else:
             strip = (self._measure if name in MEASURES else self._animals)(name, chart, now, end_of(last))
             self.strips[name].show(strip_picture(strip, self.strips[name].size, self.px(12), self.colours))
-        self.strips[name].said = said
+        self.strips[name].said = content
 
     def _measure(self, name, chart, now, end) -> Strip:
         title, unit, _ = MEASURES[name]
         values = chart.values.get(name, np.zeros(0))
         value = value_at(chart.time, values, now)
-        said = f"{value:.2f}{unit}" if math.isfinite(value) else "–"
+        text = f"{value:.2f}{unit}" if math.isfinite(value) else "–"
         top = 1.0 if name in UNITY else top_of(1.1 * values)
-        return Strip(title, chart.time, [(values, self.colours.accent)], now, end, top, said)
+        return Strip(title, chart.time, [(values, self.colours.accent)], now, end, top, text)
 
     def _animals(self, name, chart, now, end) -> Strip:
         what, counted, colours = self._counted(chart)
         lines = [(counts, colours.get(name, self.colours.muted)) for name, counts in counted.items()]
         total = sum((counts for counts, _ in lines), np.zeros(len(chart.time)))
         count = value_at(chart.time, total, now)
-        said = f"{count:,.0f}" if math.isfinite(count) else "–"
-        return Strip(f"animals by {what}", chart.time, lines, now, end, top_of(1.15 * total), said, stacked=True)
+        text = f"{count:,.0f}" if math.isfinite(count) else "–"
+        return Strip(f"animals by {what}", chart.time, lines, now, end, top_of(1.15 * total), text, stacked=True)
 
     def _counted(self, chart):
         """(what counts are by, {name: counts}, {name: colour}): states where there are programs, else brushes."""
@@ -137,11 +137,11 @@ class ChartsPanel(ScrollPanel):
 
 def counted_words(chart, now) -> list[str]:
     """Two lines: animals by species, most first; and who was born and is gone since the start of a chart."""
-    there = {name: value_at(chart.time, counts, now) for name, counts in chart.species.items()}
-    known = {name: int(count) for name, count in there.items() if count and math.isfinite(count)}
+    counts_now = {name: value_at(chart.time, counts, now) for name, counts in chart.species.items()}
+    known = {name: int(count) for name, count in counts_now.items() if count and math.isfinite(count)}
     ever = value_at(chart.time, chart.ever, now)
     if not math.isfinite(ever):
         return []
     herds = ", ".join(f"{name} {known[name]:,}" for name in sorted(known, key=lambda name: -known[name]))
-    born, gone = int(ever - chart.ever[0]), int(ever - sum(known.values()))
-    return [herds or "no animals", f"{born:,} born and {gone:,} gone since the start"]
+    born, died = int(ever - chart.ever[0]), int(ever - sum(known.values()))
+    return [herds or "no animals", f"{born:,} born and {died:,} gone since the start"]

@@ -231,8 +231,8 @@ class EditsPanel(ScrollPanel):
     def _changes(self, y):
         for k, (kind, change) in enumerate(CHANGES.items()):
             x = k % 2 * (self.half + self.px(6))
-            made = self._button(change.title, lambda kind=kind: self._change(kind), x, y, self.half)
-            made.set_tooltip(change.tip)
+            new_button = self._button(change.title, lambda kind=kind: self._change(kind), x, y, self.half)
+            new_button.set_tooltip(change.tip)
             y += self.px(32) * (k % 2)
         if self.edits.waiting is not None:
             self.wait = self._label("Edits of time are prepared", y)
@@ -265,9 +265,9 @@ class EditsPanel(ScrollPanel):
 
     # widgets -----------------------------------------------------------------------
 
-    def _part(self, made):
-        self.parts.append(made)
-        return made
+    def _part(self, widget):
+        self.parts.append(widget)
+        return widget
 
     def _label(self, text, y, kind="@row", wide=None, left=0):
         room = (wide or self.inner) - left

@@ -116,18 +116,18 @@ class ViewPanel(ScrollPanel):
 
     def _scale_now(self) -> str:
         """What the person has chosen, as the drop-down says it."""
-        wanted = self.app.settings.ui_scale if self.app.settings is not None else None
-        return said(min(SCALES, key=lambda scale: abs(scale - wanted))) if wanted else AUTOMATIC
+        chosen = self.app.settings.ui_scale if self.app.settings is not None else None
+        return said(min(SCALES, key=lambda scale: abs(scale - chosen))) if chosen else AUTOMATIC
 
 
 def overlays() -> dict[str, dict[str, tuple[str, str]]]:
     """{heading: {name: (title, what it shows)}} of everything that can be laid over the herd."""
     load_overlays()
-    found: dict = {"Herd": dict(ALWAYS), "Ground": {}, "Selected animal": {}}
+    groups: dict = {"Herd": dict(ALWAYS), "Ground": {}, "Selected animal": {}}
     for name, overlay in OVERLAYS.items():
         heading = "Selected animal" if overlay.of_one else "Ground" if overlay.below else "Herd"
-        found[heading][name] = overlay.title, overlay.tip
-    return found
+        groups[heading][name] = overlay.title, overlay.tip
+    return groups
 
 
 def said(scale) -> str:
