@@ -263,6 +263,8 @@ def test_shipped_paths_lead_from_brush_to_brush():
             path = load_path(file.read_bytes(), file.name)
             start, end = library.get(path.start), library.get(path.end)
             assert file.name == f"{path.start}--{path.end}.path.toml" and path.measured
+            for k, end_brush in ((0, start), (STEPS, end)):
+                assert mixed(start, end, k / STEPS, path).params == end_brush.params
             for k in range(STEPS + 1):
                 assert mixed(start, end, k / STEPS, path).model == start.model
 
@@ -271,7 +273,7 @@ def test_shipped_paths_are_judged_beside_the_straight_line():
     path = shipped_paths()["swarm--march"]
     ways = judged(*brushes_of("swarm--march"), path, Trial(animals=6, seeds=2, seconds=1.0), 2)
     on_path, straight = ways["path"][0], ways["straight line"][0]
-    assert on_path.mean.shape == straight.mean.shape == (len(path.along), 2)
+    assert on_path.mean.shape == straight.mean.shape == (STEPS + 1, 2)
     ends = on_path.mean[[0, -1]], straight.mean[[0, -1]]
     np.testing.assert_allclose(*ends, atol=1e-9)  # the same brushes beside other herds
     assert not np.array_equal(on_path.mean[1:-1], straight.mean[1:-1])
