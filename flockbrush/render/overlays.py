@@ -392,18 +392,11 @@ class Overlays:
 
     def _leaders(self, frame, camera, moment, at):
         """Lines to the reference birds, rings around leaders."""
-        reference_rows = np.clip(np.searchsorted(moment.ids, moment.reference), 0, max(len(moment) - 1, 0))
-        linked = (
-            (moment.reference > 0) & (moment.ids[reference_rows] == moment.reference)
-            if len(moment)
-            else np.zeros(0, bool)
-        )
-        tail, tip = at[linked], at[reference_rows[linked]]
+        rows = np.clip(np.searchsorted(moment.ids, moment.reference), 0, max(len(moment) - 1, 0))
+        linked = (moment.reference > 0) & (moment.ids[rows] == moment.reference) if len(moment) else np.zeros(0, bool)
+        tail, tip = at[linked], at[rows[linked]]
         if self.scenery.land.wrap is not None:
-            near = (
-                np.abs(moment.xyz[linked] - moment.xyz[reference_rows[linked]])[:, :2]
-                < np.array(self.scenery.land.wrap) / 2
-            )
+            near = np.abs(moment.xyz[linked] - moment.xyz[rows[linked]])[:, :2] < np.array(self.scenery.land.wrap) / 2
             tail, tip = tail[near.all(axis=1)], tip[near.all(axis=1)]
         clip, u = self._clip(camera), self.unit
         draw_lines(frame, clip, np.hstack([tail, tip]), 1.1 * u, ink_of(self.theme.link), 0.6)

@@ -33,7 +33,7 @@ def herd_of(asset, count=30, size=5):
 
 def written(folder, **told):
     """A level file with one spawn."""
-    sketch = LevelSketch(40, 40, 1.0, "tilesets", shipped().names(), "wall", 1)
+    sketch = LevelSketch(40, 40, 1.0, "tilesets")
     sketch.box("Spawn", 10, 10, 20, 20, "herd", species="sheep", brush="graze", **told)
     write_project(folder, shipped())
     return sketch.save(folder / "families.tmj")
