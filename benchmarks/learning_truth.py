@@ -182,7 +182,8 @@ def fields(case, seed, options):
 
 
 def _recipe(case, clip, seed, options):
-    from flockbrush.learning.recipe import SearchSettings, forces_of, learn
+    from flockbrush.learning.learned_parameters import forces_of
+    from flockbrush.learning.recipe import SearchSettings, learn
     from flockbrush.learning.rollout import theta_of
 
     begun = time.perf_counter()

@@ -25,6 +25,9 @@ class CannotObserve(ProblemsError):
         super().__init__([Problem(str(clip), None, None, message)])
         self.seen = dict(seen or {})  # measured facts by name; under "pictures", BGR pictures by title
 
+    def __reduce__(self):
+        return type(self), (self.problems[0].file, self.problems[0].message, self.seen)
+
 
 AT_EDGE = 0.01  # share of the animals at the edge of the picture, above which it is thought to show a part of a herd
 

@@ -444,6 +444,8 @@ def without_specks(mask, least):
     """The mask without patches of fewer than ``least`` pixels."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
     keep = (stats[:, cv2.CC_STAT_AREA] >= least).astype(np.uint8)
+    if keep[1:].all():
+        return mask
     keep[0] = 0
     return keep[labels]
 

@@ -88,10 +88,9 @@ def _likely(before, shape, shrink, corner, long):
         probabilities = likely[rows, columns]
         if not probabilities.size:
             continue
-        down, right = np.mgrid[
-            rows.start : rows.start + probabilities.shape[0], columns.start : columns.start + probabilities.shape[1]
-        ]
-        along, across = c * (right + 0.5 - x) + s * (down + 0.5 - y), c * (down + 0.5 - y) - s * (right + 0.5 - x)
+        down = np.arange(rows.start, rows.start + probabilities.shape[0])[:, None] + 0.5 - y
+        right = np.arange(columns.start, columns.start + probabilities.shape[1]) + 0.5 - x
+        along, across = c * right + s * down, c * down - s * right
         own = np.exp(-0.5 * ((along / (WANDERS * long)) ** 2 + (across / (0.5 * WANDERS * long)) ** 2))
         angle[rows, columns] = np.where(own > probabilities, np.arctan2(s, c), angle[rows, columns])
         likely[rows, columns] = np.maximum(probabilities, own)

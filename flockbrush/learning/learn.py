@@ -15,11 +15,12 @@ from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.engine.files import held, output_problems, refused, write_text
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.observations import CannotObserve, Evidence
-from flockbrush.film.open_clip import Looking, facts_of, look_at, looked_apart, pictures_of, tell_notes
+from flockbrush.film.open_clip import Looking, facts_of, look_at, looked_apart, pictures_of, tell_notes, training_begun
 from flockbrush.learning.ablation import ablated
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.folds import ClipFolds, Fold, folds_of, seen_within
 from flockbrush.learning.group_size_test import with_other_numbers
+from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.learn_tables import show_findings
@@ -79,6 +80,7 @@ class LearnOptions:
     device: str = "auto"
     command: str = ""
     crew: Cluster | None = None  # `workers`, while they are in use
+    helpers: Helpers = field(default_factory=Helpers)  # `jobs`, while they are in use
     silent: bool = False  # no tables; the result is for a program
 
 
@@ -111,7 +113,8 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
     outputs = [*_brush_files(wishes, regions), *([wishes.report] if wishes.report else [])]
     crew = cluster(*wishes.workers) if wishes.workers else nullcontext()
     rehearsed = compiling_for("flockbrush.learning.rehearsal:rehearse")
-    with Interrupts() as interrupts, rehearsed, held(*outputs), crew as wishes.crew:
+    helpers = Helpers(wishes.jobs)
+    with Interrupts() as interrupts, rehearsed, held(*outputs), crew as wishes.crew, helpers as wishes.helpers:
         try:
             seen = [_looked(clip, wishes) for clip in wishes.clips]
         except KeyboardInterrupt:
@@ -194,9 +197,11 @@ def _needs_torch(evidences, wishes):
 def _looked(clip, wishes) -> ClipFolds:
     """The observations of one clip; if it shows too little, the report says why."""
     try:
-        whole = look_at(clip, wishes.looking)
-        alone = len(wishes.clips) == 1  # of several clips each is held out whole
-        parts = looked_apart(clip, wishes.looking, whole, wishes.share, not wishes.quick) if alone else []
+        how = clip, wishes.looking
+        apart, alone = (wishes.share, not wishes.quick), len(wishes.clips) == 1  # of several clips each is held out
+        begun = training_begun(*how, *apart, wishes.helpers) if alone else []
+        whole = look_at(*how)
+        parts = looked_apart(*how, whole, *apart, begun) if alone else []
     except CannotObserve as error:
         facts = getattr(error, "seen", None)
         if wishes.report is not None and facts:
@@ -303,7 +308,7 @@ def _judged(fold: Fold, found: Findings, wishes, interrupts):
         try:
             return judge(
                 frames, found.brush, rivals, name=found.brush.name, seed=wishes.seed,
-                runs=3 if wishes.quick else JUDGED_RUNS, say=step,
+                runs=3 if wishes.quick else JUDGED_RUNS, say=step, helpers=wishes.helpers,
             )  # fmt: skip
         except KeyboardInterrupt:
             return None
@@ -324,7 +329,8 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     begins = [(f"part {k + 1}", f.learned.theta, f.learned.extras) for k, f in enumerate(judged)]
     learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), begins=begins)
     again = _found(herd, Fold(wholes, first.held), learned, wishes)
-    checks = [_judged(Fold([whole], None), again, _quick(wishes), interrupts) for whole in wholes]
+    quick = replace(wishes, quick=True, beside=False)
+    checks = [_judged(Fold([whole], None), again, quick, interrupts) for whole in wholes]
     if interrupts.asked or any(check is None for check in checks):
         return first
     _refuse_strangers(wholes, checks, herd)
@@ -339,10 +345,6 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     again.models = first.models
     again.notes = [f"Tested on {parts}, held out in turn; the parameters were then fitted to all frames."]
     return again
-
-
-def _quick(wishes):
-    return replace(wishes, quick=True, beside=False)
 
 
 def _refuse_strangers(wholes, checks, herd):
@@ -387,7 +389,7 @@ def _learned(
             wishes.seed, starts, use, wishes.beta, budget, begins=begins, device=wishes.device, quick=wishes.quick,
         )  # fmt: skip
         return learn(
-            clips, settings, jobs=wishes.jobs, cluster=wishes.crew, say=told, stop=lambda: interrupts.asked > 0,
+            clips, settings, jobs=wishes.helpers, cluster=wishes.crew, say=told, stop=lambda: interrupts.asked > 0,
             resume=None if fresh else state,
         )  # fmt: skip
 
@@ -429,14 +431,15 @@ def _compare(found: Findings, wishes, interrupts, photo):
     """Fill in what simulations say: on the frames held out, against others, with other numbers."""
     frames = found.held if found.held is not None else found.clips[0]
     brush = found.compared_brush
+    asked = found.brush, start_of(frames, 0, 0, found.brush.body), wishes.seed
+    counts = wishes.helpers.later(with_other_numbers, *asked)
+    starts = None if photo or wishes.quick else wishes.helpers.later(with_other_starts, *asked)
     runs = [simulated(frames, brush, seed) for seed in range(1 if wishes.quick else RUNS)]
     found.comparison = compared(frames, runs)
-    start = start_of(frames, 0, 0, found.brush.body)
-    found.counts = with_other_numbers(found.brush, start, wishes.seed)
-    found.starts = [] if photo or wishes.quick else with_other_starts(found.brush, start, wishes.seed)
     if wishes.report is not None:
         many = MOMENTS_OF_PHOTO if photo else MOMENTS
         found.moments = moments_of(wishes.clips[0], frames, runs[0], brush, many)
+    found.starts, found.counts = [] if starts is None else starts.result(), counts.result()
 
 
 def _rivals(frames, found) -> dict[str, Brush]:

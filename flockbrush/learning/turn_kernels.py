@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from flockbrush.engine.maths import atan2_, exp_, sincos_
+from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
+from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, store, total, where
+from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.learning.rollout import Gates
 from flockbrush.systems.contact import DEFLECT, SKIN, _nearest, towards_body_
 
@@ -76,29 +78,48 @@ class ForceSums(NamedTuple):
     y: np.ndarray
 
 
+# columns of neighbours, BL: where they begin, how they move, their headings and by how much these turn in a tick; 1 for
+# those of the same kind, and for all; and where they are, their distance and bearing, squared and plain
+X, Y, VX, VY, GX, GY, COSINE, SINE, KIN, ALL, AT_X, AT_Y, FAR2, ASIDE2, ASIDE = range(15)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_kernel(lo, hi, turns, theta, law, turn, slope):
     """Some ticks of the herd model with the neighbours as they were seen, and the derivatives of the heading.
 
-    Of `Turns`, with theta (12,): ``turn`` (k,) rad, ``slope`` (k, 12).
+    Of `Turns`, with theta (12,): ``turn`` (k,) rad, ``slope`` (k, 12); of three dimensions, it is not computed.
     """
-    forces, sums = _gaussians(theta), ForceSums(np.empty((4, 4)), np.empty((4, 4)))
+    forces, sums, sloped = _gaussians(theta), ForceSums(np.zeros((4, 4)), np.zeros((4, 4))), slope.ndim == 2
     d, dx, dy = np.empty(12), np.empty(12), np.empty(12)
     gain, forward = turns.dt * law.sensitivity, turns.percept.forward
+    social = sloped or forces.weight[:3].any()
+    near = _columns(lo, hi, turns.rows, turns.percept.first)
+    walls = _columns(lo, hi, turns.rows, turns.percept.walls_first)
     for k in range(lo, hi):
         i = turns.rows[k]
         start = atan2_(forward[i, 1], forward[i, 0])
         angle = start
         d[:] = 0.0
         left, s = turns.ticks[k], 0
+        many = _gather_neighbours(near, turns, i, law.neighbour_range) if social else 0
+        many_walls = _gather_walls(walls, turns, i)
         while left > 1e-9:
             share = min(left, 1.0)  # a part of a tick turns by its part
             time = s * turns.dt
             fy, fx = sincos_(angle)
-            sums.x[:], sums.y[:] = 0.0, 0.0
-            _add_neighbours(sums, forces, turns, i, time, fx, fy, law.neighbour_range)
-            _add_walls(sums, forces, turns, i, time, fx, fy)
-            hx, hy = _next_heading(sums, forces, gain, fx, fy, d, dx, dy)
+            if many:
+                _look_again(pointer(near), near.shape[1], many, time, fx, fy, s > 0)
+                _add(sums, forces, 0, near, many, AT_X, ALL, -1.0, sloped)
+                _add(sums, forces, 1, near, many, AT_X, KIN, 1.0, sloped)
+                _add(sums, forces, 2, near, many, GX, KIN, 1.0, sloped)
+            else:
+                sums.x[:3], sums.y[:3] = 0.0, 0.0
+            if many_walls:
+                _look_again(pointer(walls), walls.shape[1], many_walls, time, fx, fy, False)
+                _add(sums, forces, 3, walls, many_walls, AT_X, ALL, -1.0, sloped)
+            else:
+                sums.x[3], sums.y[3] = 0.0, 0.0
+            hx, hy = _next_heading(sums, forces, gain, fx, fy, d, dx, dy, sloped)
             if turns.radius > 0.0:
                 hx, hy = _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy)
             size = hx * hx + hy * hy
@@ -106,12 +127,13 @@ def turn_kernel(lo, hi, turns, theta, law, turn, slope):
                 change = atan2_(fx * hy - fy * hx, fx * hx + fy * hy)
                 change, passed = _limited(change, law.limit, law.drift)
                 angle += share * change
-                for q in range(12):
+                for q in range(12 if sloped else 0):
                     d[q] += share * passed * ((hx * dy[q] - hy * dx[q]) / size - d[q])
             left -= share
             s += 1
         turn[k] = angle - start
-        slope[k] = d
+        if sloped:
+            slope[k] = d
 
 
 @njit(inline="always")
@@ -126,57 +148,98 @@ def _gaussians(theta):
 
 
 @njit(inline="always")
-def _add(sums, forces, f, x, y, d2, b):
-    """Add a vector to the sum of a force, weighed by its Gaussian (eq. 4) at a squared distance and a bearing."""
-    w = exp_(-(d2 * forces.radial[f] + b * b * forces.angular[f]))
-    px, py = w * x, w * y
-    by_r, by_a, by_h = d2 * forces.by_radial[f], b * b * forces.by_angular[f], 2.0 * b * forces.angular[f]
-    sums.x[f, 0] += px
-    sums.y[f, 0] += py
-    sums.x[f, 1] += px * by_r
-    sums.y[f, 1] += py * by_r
-    sums.x[f, 2] += px * by_a
-    sums.y[f, 2] += py * by_a
-    sums.x[f, 3] += px * by_h
-    sums.y[f, 3] += py * by_h
+def _columns(lo, hi, rows, first):
+    """Room for the columns of the most neighbours, or walls, that one of these rows has."""
+    most = 1
+    for k in range(lo, hi):
+        most = max(most, first[rows[k] + 1] - first[rows[k]])
+    return np.empty((ASIDE + 1, (most + 2 * EIGHT) // EIGHT * EIGHT | EIGHT))
 
 
 @njit(inline="always")
-def _add_neighbours(sums, forces, turns, i, time, fx, fy, reach):
-    """Avoidance of all neighbours, cohesion and alignment with those of its kind."""
-    percept, velocity, spin = turns.percept, turns.velocity, turns.spin
+def _gather_neighbours(columns, turns, i, reach):
+    """Write down the neighbours of a row in reach; their number."""
+    percept, velocity, spin, n = turns.percept, turns.velocity, turns.spin, 0
     for at in range(percept.first[i], percept.first[i + 1]):
         j = percept.near[at]
         x, y = percept.offset[at, 0], percept.offset[at, 1]
         if x * x + y * y > reach * reach:
             continue
-        x += time * (velocity[j, 0] - velocity[i, 0])
-        y += time * (velocity[j, 1] - velocity[i, 1])
-        d2 = x * x + y * y
-        b = atan2_(fx * y - fy * x, fx * x + fy * y)
-        _add(sums, forces, 0, -x, -y, d2, b)
-        if percept.species[i] != percept.species[j]:
-            continue
-        _add(sums, forces, 1, x, y, d2, b)
-        gx, gy = percept.forward[j, 0], percept.forward[j, 1]
-        if spin[j] != 0.0 and time > 0.0:
-            sine, cosine = sincos_(spin[j] * time)
-            gx, gy = cosine * gx - sine * gy, sine * gx + cosine * gy
-        _add(sums, forces, 2, gx, gy, d2, b)
+        columns[X, n], columns[Y, n] = x, y
+        columns[VX, n], columns[VY, n] = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
+        columns[GX, n], columns[GY, n] = percept.forward[j, 0], percept.forward[j, 1]
+        sine, cosine = sincos_(spin[j] * turns.dt)
+        columns[COSINE, n], columns[SINE, n] = cosine, sine
+        columns[KIN, n] = 1.0 if percept.species[i] == percept.species[j] else 0.0
+        columns[ALL, n] = 1.0
+        n += 1
+    columns[:ASIDE, n : n + EIGHT] = 0.0  # behind the last stands nobody
+    return n
 
 
 @njit(inline="always")
-def _add_walls(sums, forces, turns, i, time, fx, fy):
-    """Avoidance of the nearest points of walls."""
-    percept, velocity = turns.percept, turns.velocity
+def _gather_walls(columns, turns, i):
+    """Write down the nearest points of walls of a row; their number."""
+    percept, velocity, n = turns.percept, turns.velocity, 0
     for at in range(percept.walls_first[i], percept.walls_first[i + 1]):
-        x = percept.walls_offset[at, 0] - time * velocity[i, 0]
-        y = percept.walls_offset[at, 1] - time * velocity[i, 1]
-        _add(sums, forces, 3, -x, -y, x * x + y * y, atan2_(fx * y - fy * x, fx * x + fy * y))
+        columns[X, n], columns[Y, n] = percept.walls_offset[at, 0], percept.walls_offset[at, 1]
+        columns[VX, n], columns[VY, n] = -velocity[i, 0], -velocity[i, 1]
+        columns[ALL, n] = 1.0
+        n += 1
+    columns[:ASIDE, n : n + EIGHT] = 0.0
+    return n
+
+
+@lane_function
+def _look_again(column, step, n, time, fx, fy, on):
+    """Where the neighbours are after a time; ``on``: their headings have turned for another tick."""
+    for q in range(0, n, EIGHT):
+        x = fused(load8(column, VX * step + q), splat8(time), load8(column, X * step + q))
+        y = fused(load8(column, VY * step + q), splat8(time), load8(column, Y * step + q))
+        cross = y * fx - x * fy
+        aside2 = square_of_angle(cross, fused(x, splat8(fx), y * fy))
+        aside = root(aside2)
+        store(column, AT_X * step + q, x)
+        store(column, AT_Y * step + q, y)
+        store(column, FAR2 * step + q, fused(x, x, y * y))
+        store(column, ASIDE2 * step + q, aside2)
+        store(column, ASIDE * step + q, where(cross < 0.0, splat8(0.0) - aside, aside))
+        if on:
+            gx, gy = load8(column, GX * step + q), load8(column, GY * step + q)
+            cosine, sine = load8(column, COSINE * step + q), load8(column, SINE * step + q)
+            store(column, GX * step + q, cosine * gx - sine * gy)
+            store(column, GY * step + q, sine * gx + cosine * gy)
 
 
 @njit(inline="always")
-def _next_heading(sums, forces, gain, fx, fy, d, dx, dy):
+def _add(sums, forces, f, columns, n, what, whose, sign, sloped):
+    """The sum of a force: two columns, weighed by its Gaussians (eq. 4), of those whose column is 1."""
+    r, a = forces.radial[f], forces.angular[f]
+    px, py, rx, ry, ax, ay, hx, hy = _weighed(pointer(columns), columns.shape[1], n, what, whose, r, a, sloped)
+    sums.x[f, 0], sums.y[f, 0] = sign * px, sign * py
+    sums.x[f, 1], sums.y[f, 1] = sign * rx * forces.by_radial[f], sign * ry * forces.by_radial[f]
+    sums.x[f, 2], sums.y[f, 2] = sign * ax * forces.by_angular[f], sign * ay * forces.by_angular[f]
+    sums.x[f, 3], sums.y[f, 3] = sign * hx * 2.0 * a, sign * hy * 2.0 * a
+
+
+@lane_function
+def _weighed(column, step, n, what, whose, radial, angular, sloped):
+    """Weighed sums of two columns, plain and by the squared distance, the squared bearing, and the bearing."""
+    px = py = rx = ry = ax = ay = hx = hy = splat8(0.0)
+    for q in range(0, n, EIGHT):
+        far2, aside2 = load8(column, FAR2 * step + q), load8(column, ASIDE2 * step + q)
+        w = load8(column, whose * step + q) * exponential(splat8(0.0) - fused(far2, splat8(radial), aside2 * angular))
+        x, y = w * load8(column, what * step + q), w * load8(column, (what + 1) * step + q)
+        px, py = px + x, py + y
+        if sloped:
+            aside = load8(column, ASIDE * step + q)
+            rx, ry, ax, ay = fused(x, far2, rx), fused(y, far2, ry), fused(x, aside2, ax), fused(y, aside2, ay)
+            hx, hy = fused(x, aside, hx), fused(y, aside, hy)
+    return total(px), total(py), total(rx), total(ry), total(ax), total(ay), total(hx), total(hy)
+
+
+@njit(inline="always")
+def _next_heading(sums, forces, gain, fx, fy, d, dx, dy, sloped):
     """Eqs. 3 and 2: the wished heading, and its derivatives into ``dx`` and ``dy``, those of the angle being ``d``."""
     weight = forces.weight
     hx, hy, own_x, own_y = fx, fy, -fy, fx
@@ -185,7 +248,7 @@ def _next_heading(sums, forces, gain, fx, fy, d, dx, dy):
         hy += gain * weight[f] * sums.y[f, 0]
         own_x += gain * weight[f] * sums.x[f, 3]
         own_y += gain * weight[f] * sums.y[f, 3]
-    for f in range(4):
+    for f in range(4 if sloped else 0):
         for c in range(3):
             scale = gain if c == 0 else gain * weight[f]
             dx[3 * f + c] = scale * sums.x[f, c] + own_x * d[3 * f + c]
