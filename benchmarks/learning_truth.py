@@ -12,7 +12,7 @@ and does not use the shipped brushes as starts; there are five seeds, each with 
 * ``floor``: the true parameters with another seed, started as the herd was observed.  This is the best possible
   result.
 * ``blobs``: positions and body axes with noise, no identities, and a 30 x 30 grid of fields; the whole recipe.
-* ``fields``: the grid alone; the whole recipe.
+* ``fields``: the grid, and the pair correlation of the bodies' mask; the whole recipe.
 
 A herd with the result then starts as the clip's last frame was observed and runs for 20 s.  So does the original, with
 eight seeds.  Polarization and milling must agree within .1 and the distance to the nearest neighbour within 10 %, as
@@ -107,12 +107,14 @@ def evidence_of(run, name, radius):
     """Return exact observations of a run."""
     from benchmarks.foreign_herds import Truth
     from benchmarks.herd_film import evidence_of_truth
+    from flockbrush.film.pair_density import pairs_of_bodies
 
     shape = len(run), -1
     fps = 1.0 / (run.times[1] - run.times[0])
     xy, forward = run.xy.reshape(*shape, 2), run.forward.reshape(*shape, 2)
     seen = evidence_of_truth(Truth(name, fps, xy, forward, run.speed.reshape(shape)), grid=30)
-    return dataclasses.replace(seen, radius_bl=radius)
+    pairs = np.array([pairs_of_bodies(*frame, radius) for frame in zip(xy, forward, strict=True)])
+    return dataclasses.replace(seen, radius_bl=radius, fields=dataclasses.replace(seen.fields, pairs=pairs))
 
 
 def _as_blobs(clip, rng):

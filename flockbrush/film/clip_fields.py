@@ -15,6 +15,7 @@ from numba import njit
 
 from flockbrush.film.camera_maps import back, moved_by
 from flockbrush.film.observations import Fields
+from flockbrush.film.pair_density import pairs_of_mask
 
 MOST_CELLS = 160_000
 SUB = 4  # points across a cell by which it is told how much of it is in the picture
@@ -82,6 +83,7 @@ class Collector:
     grid: ClipGrid
     size: tuple[int, int]  # of the pictures, px
     body_pixels: float  # of one animal in the reference picture
+    paired: bool = False  # measure the distances between bodies: where animals are too small to be separated
     rows: dict[str, list] = field(default_factory=dict)
 
     def add(self, number, mask, to_first, seconds, flow=None, slow=0.0):
@@ -107,6 +109,9 @@ class Collector:
         moved = self._moved(to_first, seconds, slow, *(flow or (np.empty((0, 2)), np.empty((0, 2)))))
         edge = self._at_edge(mask, to_first)
         row = {"density": density, "seen": share >= SEEN, "count": count, "frames": number, "at_edge": edge, **moved}
+        if self.paired:
+            px = 1.0 / np.sqrt(abs(np.linalg.det(self.grid.to_bl[:, :2] @ to_first[:, :2])))
+            row["pairs"] = pairs_of_mask(mask, px, self.body_pixels / abs(np.linalg.det(to_first[:, :2])))
         for name, value in row.items():
             self.rows.setdefault(name, []).append(value)
 

@@ -15,6 +15,7 @@ import numpy as np
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.film.fields_file import damage, flat, packed, part_of, read, unpacked, write
+from flockbrush.film.pair_density import RINGS, pairs_scaled
 from flockbrush.film.speeds import SpeedEvidence, speed_evidence
 
 
@@ -61,6 +62,9 @@ class Fields:
     # (T,) or None; share of what shows animals that is within half a body length of the edge of the picture.  None:
     # nobody knows, and cells at the edge say it.
     at_edge: np.ndarray | None = None
+    # (T, RINGS) or None; animals per BL² by distance from a point of a body (`flockbrush.film.pair_density`); NaN where
+    # the pixels do not tell.  None: not measured.
+    pairs: np.ndarray | None = None
 
     def __post_init__(self):
         if self.speed is None:
@@ -87,6 +91,8 @@ class Fields:
             shapes["outline"] = (len(self.outline), 5)
         if self.at_edge is not None:
             shapes["at_edge"] = cells[:1]
+        if self.pairs is not None:
+            shapes["pairs"] = (*cells[:1], RINGS)
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
                 yield f"{name} has shape {np.shape(getattr(self, name))}, density asks for {shape}"
@@ -142,7 +148,8 @@ class Fields:
 
     def part(self, chosen) -> Fields:
         """A subset of the frames: a slice."""
-        rows = (*_GRIDS, "velocity", "count", "frames", *([] if self.at_edge is None else ["at_edge"]))
+        known = [name for name in ("at_edge", "pairs") if getattr(self, name) is not None]
+        rows = (*_GRIDS, "velocity", "count", "frames", *known)
         return replace(self, **{name: getattr(self, name)[chosen] for name in rows})
 
     def scaled(self, by: float) -> Fields:
@@ -156,6 +163,7 @@ class Fields:
             speed=np.asarray(self.speed) * by,
             speed_variance=self.speed_variance * by**2,
             outline=None if self.outline is None else np.asarray(self.outline) * [by, by, by, by, 1.0],
+            pairs=None if self.pairs is None else pairs_scaled(self.pairs, by),
         )
 
     def save(self, path):

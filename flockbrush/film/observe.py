@@ -217,7 +217,7 @@ class _Taken:
 
     def __init__(self, watch: Watch, animals: bool):
         self.watch, self.clip, self.maps = watch, watch.clip, watch.steady.maps
-        self.collector = Collector(watch.grid, self.clip.size, watch.size.area)
+        self.collector = Collector(watch.grid, self.clip.size, watch.size.area, not animals)
         self.flow = Flow(self.clip.size, watch.size.length)
         self.gap = 0 if self.clip.still else min(self._gap(), len(self.clip) - 1)
         self.frames: dict[int, tuple] = {}

@@ -24,8 +24,9 @@ from scipy.spatial import cKDTree
 
 from flockbrush.engine.maths import atan2_
 from flockbrush.film.observations import Evidence, Fields
+from flockbrush.film.pair_density import RING, RINGS, pairs_of_bodies
 from flockbrush.learning.axis_variance import mean_variance, variance_told
-from flockbrush.learning.herd_views import HerdView, told_apart, view_of, view_of_run
+from flockbrush.learning.herd_views import HerdView, in_picture, told_apart, view_of, view_of_run
 from flockbrush.learning.rollout import Run
 
 FLOOR = 0.05  # of a share; and of a length or speed, so many times its mean
@@ -41,9 +42,17 @@ LENGTHS = ("aspect", "spread", "density", "nearest neighbour", "speed")
 MEASURES = SHARES + LENGTHS
 LYING = 270.0  # degrees², of the directions of a photograph: a tenth of chance
 # weights; 1 for the others
-COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0, "spacing": 6.0}
+COUNTS = {
+    "directions": 3.0,
+    "polarization": 3.0,
+    "milling": 3.0,
+    "nearest neighbour": 2.0,
+    "spacing": 6.0,
+    "pairs": 3.0,
+}
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
+BEYOND_BODY = np.arange(RINGS) * RING >= 0.75  # rings of `flockbrush.film.pair_density` that are not the body's own
 KNOWN = 0.5  # of its moments a measure must be told in to count
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
@@ -275,6 +284,8 @@ class ClipTarget:
     # (9,) BL, deciles of the distances to the nearest neighbour in a photograph; NaN of a film
     spacing: np.ndarray = field(default_factory=lambda: np.full(9, np.nan))
     headed: bool = True  # whether headings are known
+    pairs: np.ndarray | None = None  # (RINGS,) of a film of animals that cannot be told apart, means over its frames
+    pairs_scale: float = FLOOR  # mean of what its frames are off that
 
     @classmethod
     def of(cls, evidence: Evidence, every=None, single=None):
@@ -298,7 +309,12 @@ class ClipTarget:
         around, headed = neighbour_map(view), evidence.fields.tells_motion
         spacing = spacings([view.xy[view.of(0)]] if single and not headed else [])
         directions = _directions(evidence.fields)
-        return cls(over_time, mean, scale, around, every, single, end, end_scale, directions, spacing, headed)
+        told = over_time, mean, scale, around, every, single, end, end_scale, directions, spacing, headed
+        if single or evidence.fields.pairs is None:
+            return cls(*told)
+        pairs = np.asarray(evidence.fields.pairs)[::every]
+        usual = mean_pairs(pairs)
+        return cls(*told, usual, max(float(np.mean([pairs_off(row, usual) for row in pairs])), FLOOR))
 
 
 def _in_the_end(values, mean, scale):
@@ -319,6 +335,19 @@ def spacings(looks) -> np.ndarray:
     """(9,) deciles of the distances to the nearest neighbour of animals at (n, 2) BL at some moments; NaN of none."""
     far = [cKDTree(xy).query(xy, k=2)[0][:, 1] for xy in looks if len(xy) > 1]
     return np.quantile(np.concatenate(far), np.arange(1, 10) / 10) if far else np.full(9, np.nan)
+
+
+def mean_pairs(rows) -> np.ndarray:
+    """(RINGS,) means over frames, of the rings that most of them tell."""
+    rows = np.asarray(rows)
+    told = np.isfinite(rows).mean(0) >= KNOWN
+    return np.where(told, np.nan_to_num(rows).sum(0) / np.maximum(np.isfinite(rows).sum(0), 1), np.nan)
+
+
+def pairs_off(a, b) -> float:
+    """How unlike the densities around a body are, beyond its own length: 0 the same, 2 nothing in common."""
+    both = np.isfinite(a) & np.isfinite(b) & BEYOND_BODY
+    return float(2 * np.abs(a - b)[both].sum() / max((a + b)[both].sum(), 1e-12))
 
 
 def _directions(fields):
@@ -363,6 +392,12 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
         looks = [view.xy[view.of(t)] for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
         off = np.log(np.maximum(spacings(looks), 1e-3) / np.maximum(target.spacing, 1e-3))
         out["spacing"] = float(np.nan_to_num(min(np.sqrt(np.mean(off**2)) / SPACING, FARTHEST), nan=FARTHEST))
+    if target.pairs is not None:
+        inside = in_picture(run, evidence.fields)
+        looks = [np.flatnonzero(inside[run.of(t)]) + run.first[t] for t in range(0, len(run), every)]
+        mine = [pairs_of_bodies(run.xy[r], run.forward[r], evidence.radius_bl) for r in looks]
+        mine = mean_pairs(mine[len(mine) // 3 :] if lasting else mine)
+        out["pairs"] = _in_deviations(pairs_off(mine, target.pairs), target.pairs_scale)
     around, theirs = neighbour_map(view, every=max(4, len(run) // LOOKS)), target.map
     if not target.headed:  # then only how far neighbours are is known, and not where
         around, theirs = around.mean(1, keepdims=True), theirs.mean(1, keepdims=True)
