@@ -92,19 +92,6 @@ def test_scattered_points_are_visible_as_qhull_says(dimensions, radius_factor):
         assert seen.tolist() == by_qhull(points, viewpoint, radius_factor)
 
 
-@pytest.mark.parametrize("dimensions", [2, 3])
-def test_scattered_points_are_visible_as_open3d_says(dimensions):
-    o3d = pytest.importorskip("open3d")
-    rng = np.random.default_rng(7)
-    points = rng.normal(0, 5, (500, 3))
-    points[:, dimensions:] *= 1e-3  # a flat cloud must have some thickness for Open3D
-    viewpoint = np.array([4.0, 1.0, 0.5])
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-    farthest = np.linalg.norm(points - viewpoint, axis=1).max()
-    expected = cloud.hidden_point_removal(viewpoint, 20 * farthest)[1]
-    assert hidden_point_removal(points, viewpoint, 20).tolist() == sorted(expected)
-
-
 def test_few_points_are_all_visible_unless_one_is_right_behind_another():
     for d in (2, 3):
         one, two = np.eye(d)[0] * 2, np.eye(d)[1] * 3
