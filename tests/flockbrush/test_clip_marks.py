@@ -67,12 +67,6 @@ def whose(birds, k):
     return [(near(at) or [None])[0] for at in np.add(STARTS, np.multiply(STEPS, k))]
 
 
-def test_birds_of_a_film_are_followed(followed_birds):
-    assert len(followed_birds.ids) == len(STARTS)
-    names = whose(followed_birds, 0)
-    assert None not in names and names == whose(followed_birds, 30)
-
-
 def test_a_bird_put_right_is_followed_on_from_there_and_not_before(sky_film, followed_birds):
     a, b = whose(followed_birds, 0)[:2]
     places = followed_birds.at(20)
@@ -82,13 +76,6 @@ def test_a_bird_put_right_is_followed_on_from_there_and_not_before(sky_film, fol
     assert after.pending is None
     assert np.array_equal(after.px[:20], followed_birds.px[:20], equal_nan=True)
     assert whose(after, 19)[:2] == [a, b] and whose(after, 21)[:2] == [b, a] and whose(after, 39)[:2] == [b, a]
-
-
-def test_swapped_birds_have_each_others_numbers_from_there_on_without_following(followed_birds):
-    a, b = whose(followed_birds, 0)[:2]
-    after = followed_birds.swap(15, a, b)
-    assert whose(after, 14)[:2] == [a, b] and whose(after, 15)[:2] == [b, a] and whose(after, 39)[:2] == [b, a]
-    assert set(after.corrections[15]) == {a, b}
 
 
 def test_a_track_that_breaks_off_is_joined_to_its_other_half_with_its_corrections():
@@ -136,15 +123,6 @@ def test_a_new_bird_has_a_number_that_nobody_had(followed_birds):
 def test_a_bird_that_cannot_be_followed_is_still_where_a_person_saw_it(sky_film, followed_birds):
     said = followed_birds.put(20, 99, 300.0, 20.0)
     assert Follower(sky_film).follow(said, 20).at(20)[99] == (300, 20)
-
-
-def test_corrections_are_those_of_the_command(tmp_path, followed_birds):
-    a, b = followed_birds.ids[:2]
-    said = followed_birds.put(4, a, 10, 20).remove(7, b)
-    (tmp_path / "c.csv").write_text(said.corrections_text())
-    rows = read_marks(tmp_path / "c.csv")
-    assert rows[4] == [(a, 10.0, 20.0)] and rows[7][0][0] == b and rows[7][0][3] is True
-    assert Birds.none(40).with_corrections(rows).corrections.keys() == said.corrections.keys()
 
 
 def test_a_correction_that_neither_says_yes_nor_no_is_refused(tmp_path):
