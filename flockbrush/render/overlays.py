@@ -392,18 +392,11 @@ class Overlays:
 
     def _leaders(self, frame, camera, moment, at):
         """Lines to the reference birds, rings around leaders."""
-        reference_rows = np.clip(np.searchsorted(moment.ids, moment.reference), 0, max(len(moment) - 1, 0))
-        linked = (
-            (moment.reference > 0) & (moment.ids[reference_rows] == moment.reference)
-            if len(moment)
-            else np.zeros(0, bool)
-        )
-        tail, tip = at[linked], at[reference_rows[linked]]
+        leads = np.clip(np.searchsorted(moment.ids, moment.reference), 0, max(len(moment) - 1, 0))
+        linked = (moment.reference > 0) & (moment.ids[leads] == moment.reference) if len(moment) else np.zeros(0, bool)
+        tail, tip = at[linked], at[leads[linked]]
         if self.scenery.land.wrap is not None:
-            near = (
-                np.abs(moment.xyz[linked] - moment.xyz[reference_rows[linked]])[:, :2]
-                < np.array(self.scenery.land.wrap) / 2
-            )
+            near = np.abs(moment.xyz[linked] - moment.xyz[leads[linked]])[:, :2] < np.array(self.scenery.land.wrap) / 2
             tail, tip = tail[near.all(axis=1)], tip[near.all(axis=1)]
         clip, u = self._clip(camera), self.unit
         draw_lines(frame, clip, np.hstack([tail, tip]), 1.1 * u, ink_of(self.theme.link), 0.6)
@@ -442,16 +435,13 @@ class Overlays:
         """The field of view as a wedge; what is hidden in it shaded."""
         reach, scale = explanation.view_range, camera.scale
         depth = self._depth(moment, row, reach) * scale if "occlusion" in shown else np.full(RAYS, np.inf)
-        cosine = (
-            np.cos(min(explanation.field_of_view, 2 * np.pi) / 2)
-            if explanation.field_of_view < 2 * np.pi - 1e-9
-            else -1.0
-        )
+        angle = explanation.field_of_view
+        cosine = np.cos(angle / 2) if angle < 2 * np.pi - 1e-9 else -1.0
         x, y = (float(side) for side in camera.pixels(moment.xyz[row]))
         eye = Pose(x, y, float(moment.forward[row, 0]), -float(moment.forward[row, 1]))
         lit = 0.18 if "field_of_view" in shown else 0.0
         self._lay_sight(frame, camera, eye, (cosine, depth, reach * scale), lit)
-        self._wedge(frame, camera, eye, explanation.field_of_view, reach * scale)
+        self._wedge(frame, camera, eye, angle, reach * scale)
 
     def _lay_sight(self, frame, camera, eye, view, lit):
         """Lay what is seen and what is hidden over the frame; large views are worked out coarsely and smoothed."""
