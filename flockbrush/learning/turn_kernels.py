@@ -1,4 +1,9 @@
-"""Kernels of the turns that a model expects of animals."""
+"""Kernels that predict the turns of observed animals by the herd model, with derivatives for the fit.
+
+The equations are those of `flockbrush.behaviours.models.herd` (Gong et al. 2025); theta (12,) holds weight, radial
+range and angular range of avoidance, cohesion, alignment and obstacle avoidance, ranges in 0 to 1. Lengths are in body
+lengths (BL).
+"""
 
 from __future__ import annotations
 
@@ -19,7 +24,7 @@ JAMMED = 0.03  # BL of room between bodies below which one hinders the other in 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def room_kernel(percept, half, radius, free):
-    """The share of `JAMMED` that the nearest body leaves each animal, where it is less than `free` (n,) says."""
+    """Lower `free` (n,) to the gap to the nearest body divided by `JAMMED`, 0 to 1; `half` and `radius` in BL."""
     forward, first, near, offset = percept.forward, percept.first, percept.near, percept.offset
     for i in range(len(free)):
         for at in range(first[i], first[i + 1]):
@@ -35,7 +40,20 @@ def room_kernel(percept, half, radius, free):
 
 
 def is_inside(evidence, frames, reach):
-    """(n,) bool: whose surroundings are in the picture as far as it sees, where the picture cuts a herd."""
+    """Whether the surroundings of each sighting are inside the picture, if the picture shows only part of a herd.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    frames : iterable of int
+    reach : float
+        BL.
+
+    Returns
+    -------
+    (n,) bool ndarray
+        For all sightings of these frames, one after the other.
+    """
     seen, fields, cut = evidence.sightings, evidence.fields, Gates.of(evidence.fields) is not None
     out = []
     for t in frames:
@@ -49,7 +67,7 @@ def is_inside(evidence, frames, reach):
 
 
 class TurnLaw(NamedTuple):
-    """What says a turn besides theta."""
+    """Parameters of a turn other than theta."""
 
     sensitivity: float  # Ω, 1/s
     neighbour_range: float  # BL
@@ -58,7 +76,7 @@ class TurnLaw(NamedTuple):
 
 
 class Gaussians(NamedTuple):
-    """The forces' Gaussians, (4,) each: avoidance, cohesion, alignment, walls."""
+    """The Gaussians of the four forces, (4,) each: avoidance, cohesion, alignment, obstacles."""
 
     weight: np.ndarray
     # -(d² radial + b² angular) is the exponent at a distance d and bearing b
@@ -70,7 +88,7 @@ class Gaussians(NamedTuple):
 
 
 class ForceSums(NamedTuple):
-    """The sum of each force, then its derivatives by radial range, angular range and the heading, (4, 4) each."""
+    """Sum of each force, and its derivatives by radial range, angular range and heading, (4, 4) each."""
 
     x: np.ndarray
     y: np.ndarray
@@ -78,9 +96,19 @@ class ForceSums(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_kernel(lo, hi, turns, theta, law, turn, slope):
-    """Some ticks of the herd model with the neighbours as they were seen, and the derivatives of the heading.
+    """Predict turns over some ticks with the neighbours as observed, and their derivatives by theta.
 
-    Of `Turns`, with theta (12,): ``turn`` (k,) rad, ``slope`` (k, 12).
+    Parameters
+    ----------
+    lo, hi : int
+        Rows of `Turns`.
+    turns : Turns
+    theta : (12,) ndarray
+    law : TurnLaw
+    turn : (k,) ndarray
+        Output, rad.
+    slope : (k, 12) ndarray
+        Output: derivatives of `turn`.
     """
     forces, sums = _gaussians(theta), ForceSums(np.empty((4, 4)), np.empty((4, 4)))
     d, dx, dy = np.empty(12), np.empty(12), np.empty(12)
@@ -127,7 +155,7 @@ def _gaussians(theta):
 
 @njit(inline="always")
 def _add(sums, forces, f, x, y, d2, b):
-    """Add a vector to the sum of a force, weighed by its Gaussian (eq. 4) at a squared distance and a bearing."""
+    """Add a vector, weighted by the Gaussian (eq. 4) of squared distance (BL²) and bearing (rad), with derivatives."""
     w = exp_(-(d2 * forces.radial[f] + b * b * forces.angular[f]))
     px, py = w * x, w * y
     by_r, by_a, by_h = d2 * forces.by_radial[f], b * b * forces.by_angular[f], 2.0 * b * forces.angular[f]
@@ -143,7 +171,7 @@ def _add(sums, forces, f, x, y, d2, b):
 
 @njit(inline="always")
 def _add_neighbours(sums, forces, turns, i, time, fx, fy, reach):
-    """Avoidance of all neighbours, cohesion and alignment with those of its kind."""
+    """Avoidance of all neighbours; cohesion and alignment with those of the same species."""
     percept, velocity, spin = turns.percept, turns.velocity, turns.spin
     for at in range(percept.first[i], percept.first[i + 1]):
         j = percept.near[at]
@@ -167,7 +195,7 @@ def _add_neighbours(sums, forces, turns, i, time, fx, fy, reach):
 
 @njit(inline="always")
 def _add_walls(sums, forces, turns, i, time, fx, fy):
-    """Avoidance of the nearest points of walls."""
+    """Avoidance of the nearest points of obstacles."""
     percept, velocity = turns.percept, turns.velocity
     for at in range(percept.walls_first[i], percept.walls_first[i + 1]):
         x = percept.walls_offset[at, 0] - time * velocity[i, 0]
@@ -177,7 +205,7 @@ def _add_walls(sums, forces, turns, i, time, fx, fy):
 
 @njit(inline="always")
 def _next_heading(sums, forces, gain, fx, fy, d, dx, dy):
-    """Eqs. 3 and 2: the wished heading, and its derivatives into ``dx`` and ``dy``, those of the angle being ``d``."""
+    """Eqs. 3 and 2: the next heading, and its derivatives in `dx` and `dy`, given those of the angle in `d`."""
     weight = forces.weight
     hx, hy, own_x, own_y = fx, fy, -fy, fx
     for f in range(4):
@@ -195,7 +223,7 @@ def _next_heading(sums, forces, gain, fx, fy, d, dx, dy):
 
 @njit(inline="always")
 def _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy):
-    """The heading that bodies leave to whom they touch, as in `flockbrush.systems.contact`, with its derivatives."""
+    """The heading after deflection by touching bodies, as in `flockbrush.systems.contact`, with derivatives."""
     percept, velocity, half, touch = turns.percept, turns.velocity, turns.half, 2.0 * turns.radius
     touch_far = ((1.0 + SKIN) * touch + 2.0 * half) ** 2
     for at in range(percept.first[i], percept.first[i + 1]):
@@ -217,7 +245,11 @@ def _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy):
 
 @njit(inline="always")
 def aside_of_(fx, fy, half, x, y, gx, gy, touch):
-    """Unit vector to a body at (x, y), and the share of a heading into it that it takes away; zeros where it is far."""
+    """Unit vector to a body at (x, y) BL, and the share of a heading towards it that contact removes; 0 when far.
+
+    The bodies have headings (fx, fy) and (gx, gy) and axes of half-length `half`; `touch` is the distance at contact
+    (BL).
+    """
     ox, oy, far, room = towards_body_(x, y, fx, fy, half, gx, gy, half, touch)
     if room <= 0.0:
         return 0.0, 0.0, 0.0
@@ -226,7 +258,7 @@ def aside_of_(fx, fy, half, x, y, gx, gy, touch):
 
 @njit(inline="always")
 def _limited(change, limit, drift):
-    """A turn that wanders by ``drift`` rad and is then limited, on average; and its derivative by the turn."""
+    """Expected turn (rad) after noise of standard deviation `drift` and a limit, and its derivative by the turn."""
     if drift <= 1e-9:
         if abs(change) <= limit:
             return change, 1.0
