@@ -46,7 +46,7 @@ def compute_rotation(xy, direction, centre=None):
 
 
 def compute_milling(xy, direction, centre=None):
-    """|mean(r̂ x û)|, 0 to 1: the angular momentum of eq. 13 of [1]_, about the centroid by default otherwise."""
+    """|mean(r̂ x û)|, 0 to 1: the angular momentum of eq. 13 of [1]_, about `centre`, by default the centroid."""
     return abs(compute_rotation(xy, direction, centre))
 
 

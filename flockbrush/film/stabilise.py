@@ -1,9 +1,9 @@
-"""A moving camera made to stand still: for each picture the map from its pixels to those of the first (eq. 1).
+"""Stabilise a moving camera: for each picture, the map from its pixels to those of the first picture (eq. 1).
 
-A map is a (2, 3) similarity: shift, rotation and zoom.  Without landmarks the ground itself is followed: corners of a
-key picture are found again in every picture that shares most of its ground, so errors add up only from one key picture
-to the next, and a camera that comes back finds the key picture it left.  With landmarks the rectangles a person drew
-are tracked (CSRT) forwards and backwards from their frames, and the maps are smoothed over nine frames as in the paper.
+A map is a (2, 3) similarity: shift, rotation and zoom. Without landmarks the ground itself is tracked: corners of a key
+picture are found in every picture that shows most of the same ground, so that errors add up only from one key picture
+to the next, and a camera that returns finds the old key picture. With landmarks, rectangles drawn by the user are
+tracked (CSRT) forwards and backwards from their frames, and the maps are smoothed over nine frames as in the paper.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _LK = dict(winSize=(15, 15), maxLevel=3, criteria=_CRITERIA, minEigThreshold=1e-
 
 @dataclass
 class _Key:
-    """A picture whose corners others are compared with."""
+    """A key picture: other pictures are compared with its corners."""
 
     grey: np.ndarray
     corners: np.ndarray  # (n, 2) px
@@ -47,17 +47,20 @@ class _Key:
 
 
 def register(clip: Clip, animals=None, say: Say = silent) -> Steady:
-    """The maps of a clip from the ground it shows.
+    """The maps of a clip, from the ground that it shows.
 
     Parameters
     ----------
+    clip : Clip
     animals : callable, optional
-        (k, picture) -> (h, w) bool: where no corners are taken.
+        ``animals(k, picture)`` returns an (h, w) bool mask in which no corners are taken.
+    say : callable, optional
+        Called with a text, the pictures done and their number.
 
     Raises
     ------
     CannotObserve
-        When the ground of a picture is not found in those before.
+        When the ground of a picture cannot be found in those before.
     """
     scale = min(1.0, SIDE / max(clip.size))
     follower = _Follower(animals, scale)
@@ -75,14 +78,14 @@ def register(clip: Clip, animals=None, say: Say = silent) -> Steady:
 
 
 def _around(clip, k):
-    """The frames before and from the k-th, as options to try, where they are enough to be of use."""
+    """The frames before and after the k-th picture as --frames options, where there are at least `SHOT` of them."""
     n = clip.numbers
     parts = [f"--frames {n[a]}:{n[b - 1]}, or " for a, b in ((0, k), (k, len(n))) if b - a >= SHOT]
     return "".join(parts)
 
 
 class _Follower:
-    """Goes from picture to picture and knows where the camera is."""
+    """Tracks the ground from picture to picture; keeps the key pictures and the maps found so far."""
 
     def __init__(self, animals, scale):
         self.animals, self.scale = animals, scale
@@ -93,7 +96,7 @@ class _Follower:
         self.bare = False
 
     def step(self, k, picture) -> bool:
-        """Take the next picture; False when its ground is unknown."""
+        """Add the next picture; False when its ground cannot be found."""
         grey = _grey(picture, self.scale)
         if not self.maps:
             self.maps.append(np.eye(2, 3))
@@ -112,7 +115,11 @@ class _Follower:
         return True
 
     def _found(self, grey):
-        """The map of this picture to the first, or None; by the picture before where that shows more of its ground."""
+        """The map of this picture to the first, or None.
+
+        If few corners of the key picture agree, the picture before is tried too, and becomes a key picture if it fits
+        better.
+        """
         m, agree = self._against(self.key, grey)
         if agree < FEW and self.last.to_first is not self.key.to_first:
             last = _Key(self.last.grey, _corners(self.last.grey), self.last.to_first)
@@ -123,7 +130,15 @@ class _Follower:
         return m
 
     def _against(self, key, grey):
-        """(Map of this picture to the first by one key picture, share of its corners that agree); (None, 0) unknown."""
+        """Match a picture with one key picture.
+
+        Returns
+        -------
+        (2, 3) ndarray or None
+            Map of the picture to the first.
+        float
+            Share of the corners that agree, 0 to 1.
+        """
         guess = after(back(key.to_first), self.maps[-1])  # this picture to the key, if the camera stood since
         best, most, off = None, 0.0, 0.0
         for attempt in (lambda: guess, lambda: _by_descriptors(grey, key.grey)):
@@ -147,7 +162,7 @@ class _Follower:
         return best, most
 
     def _choose_key(self, k, picture, grey):
-        """Stay with the key picture, go back to an older one, or make this one a key."""
+        """Keep the key picture, return to an older one, or make this picture a key picture."""
         if self._fit(self.key, self.maps[-1], grey) > 0:
             return
         others = [(self._fit(key, self.maps[-1], grey), i) for i, key in enumerate(self.keys)]
@@ -159,7 +174,7 @@ class _Follower:
 
     @staticmethod
     def _fit(key, to_first, grey):
-        """How far a key picture is from being left, above 0 while it serves."""
+        """Margin by which a key picture still fits: by shared corners, zoom and rotation; above 0 it is kept."""
         to_here = after(back(to_first), key.to_first)
         x, y = moved_by(to_here, key.corners).T
         h, w = grey.shape
@@ -168,7 +183,7 @@ class _Follower:
         return min(shared - SHARED, 1 - zoom / np.log(ZOOMED), 1 - turn / TURNED)
 
     def _new_key(self, k, picture, grey, to_first) -> _Key:
-        """The picture as the one to find the ground by, if it has enough corners; the key picture from now on."""
+        """Make this picture the key picture, if it has enough corners; returns the key picture."""
         away = self.animals(k, picture) if self.animals is not None else None
         corners = _corners(grey, away)
         if len(corners) >= 2 * LEAST or self.key is None:
@@ -177,7 +192,7 @@ class _Follower:
         return self.key
 
     def steady(self) -> Steady:
-        """What was found of all pictures."""
+        """The maps of all pictures, scaled to the size of the clip, with the residual and notes."""
         notes = []
         if self.bare:
             notes.append(
@@ -198,7 +213,7 @@ def _frame(grey):
 
 
 def _grey(picture, scale):
-    """Small, grey, and of even light and contrast, so that corners look the same when the exposure changes."""
+    """The picture in grey, reduced by `scale`, with local brightness and contrast made even."""
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     if scale != 1:
         grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
@@ -208,7 +223,7 @@ def _grey(picture, scale):
 
 
 def _corners(grey, away=None):
-    """Good corners from everywhere in a picture, (n, 2)."""
+    """Good corners to track, (n, 2) px, at most `IN_BUCKET` in each of 8 x 6 parts of the picture."""
     free = None
     if away is not None:
         wide = cv2.dilate(away.astype(np.uint8), np.ones((9, 9), np.uint8))
@@ -232,7 +247,10 @@ def _bucket(points, shape):
 
 
 def _refined(key, grey, to_key):
-    """(map of the picture to the key, median error of the corners that agree, their share); None where few do."""
+    """Refine the map of a picture to a key picture by optical flow of its corners.
+
+    Returns the map, the median error (px) and the share of the corners that agree; None if fewer than `LEAST` do.
+    """
     h, w = key.grey.shape
     there = cv2.warpAffine(grey, to_key, (w, h), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = _within(moved_by(back(to_key), key.corners), grey.shape, 4)
@@ -257,7 +275,11 @@ def _within(points, shape, margin):
 
 
 def _consensus(seen, at, shape):
-    """(map from seen to at, who agrees) on which the corners of most of the picture agree: the ground, not the herd."""
+    """The similarity from `seen` to `at`, (n, 2) px each, on which corners of most of the picture agree.
+
+    RANSAC is run twice, the second time on the corners that disagree: of both maps the one whose corners cover more of
+    the picture is the ground, the other the herd. Returns the map and who agrees (n,), or None and None.
+    """
     best, chosen, wide = None, None, 0
     rest = np.ones(len(at), bool)
     for _ in range(2):
@@ -282,7 +304,7 @@ def _consensus(seen, at, shape):
 
 
 def _firm(a, b):
-    """The similarity that most points agree on closely: those that are a little off count little."""
+    """Similarity of points a to b, (n, 2) px each, by iteratively reweighted least squares."""
     m = fitted(a, b)
     for _ in range(5):
         away = np.linalg.norm(moved_by(m, a) - b, axis=1)
@@ -291,7 +313,7 @@ def _firm(a, b):
 
 
 def _by_descriptors(grey, other):
-    """The map of a picture to another from SIFT corners, for large moves; None where too few agree."""
+    """The map of a picture to another from SIFT features, for large motion; None if fewer than `LEAST` agree."""
     sift = cv2.SIFT_create(1500, contrastThreshold=0.02)
     (pa, da), (pb, db) = sift.detectAndCompute(grey, None), sift.detectAndCompute(other, None)
     if da is None or db is None or min(len(da), len(db)) < LEAST:
@@ -314,13 +336,16 @@ def follow_landmarks(clip: Clip, landmarks, say: Say = silent) -> Steady:
 
     Parameters
     ----------
+    clip : Clip
     landmarks : list of Landmark
-        Two different places turn and zoom best; the same place in two frames, or one alone, does too.
+        Two places far apart give rotation and zoom best. The same place in two frames, or a single one, works too.
+    say : callable, optional
+        Called with a text, the steps done and their number.
 
     Raises
     ------
     CannotObserve
-        When a rectangle is outside the picture or plain, or all are lost.
+        When a rectangle is outside the picture or has no corners, or when all are lost.
     """
     pictures = [_grey_and_colour(picture) for _, picture in clip.read()]
     begin = [_placed(clip, mark, pictures[0][0].shape) for mark in landmarks]
@@ -343,7 +368,7 @@ def _grey_and_colour(picture):
 
 
 def _placed(clip, mark, shape):
-    """(row of the landmark's frame, its rectangle in the pictures read)."""
+    """Row of the picture with a landmark, and its rectangle (x, y, w, h) in pixels of the pictures read."""
     rows = np.flatnonzero(clip.numbers == mark.frame)
     if not len(rows):
         raise CannotObserve(
@@ -362,7 +387,7 @@ def _placed(clip, mark, shape):
 
 
 class _Track:
-    """One landmark through all pictures."""
+    """Tracks one landmark through all pictures."""
 
     def __init__(self, clip, pictures, row, rect, mark, report):
         self.clip, self.pictures, self.row, self.rect, self.mark, self.report = clip, pictures, row, rect, mark, report
@@ -383,7 +408,7 @@ class _Track:
         self.lost: list[int] = []
 
     def followed(self):
-        """This, with its maps filled forwards and backwards."""
+        """Fill the maps forwards and backwards from the frame of the landmark; returns self."""
         self.count = 1
         for rows in (range(self.row + 1, len(self.pictures)), range(self.row - 1, -1, -1)):
             self._go(rows)
@@ -407,7 +432,10 @@ class _Track:
             self.report(self.count)
 
     def _held(self, k, guess, box):
-        """(map to picture k, correlation) from where it was and from where CSRT says it is; None where it is not."""
+        """Find the landmark in picture k, from its last map and from the box of CSRT.
+
+        Returns the map to picture k and the correlation with the first view; None and 0 where it is not found.
+        """
         grey = self.pictures[k][0]
         tries = [guess] if box is None else [_to_box(guess, self.rect, box), guess]
         for seen in tries:
@@ -421,7 +449,7 @@ class _Track:
         return None, 0.0
 
     def _refined(self, grey, seen):
-        """The map refined by the corners in the rectangle, or None."""
+        """The map refined by optical flow of the corners in the rectangle; None when too few agree."""
         own = self.pictures[self.row][0]
         x, y, w, h = self.rect
         margin = 24
@@ -444,7 +472,7 @@ class _Track:
         return after(to_here, after(m, back(cut)))
 
     def _alike(self, grey, m):
-        """Correlation of the rectangle's content with that of picture k under a map."""
+        """Correlation of the content of the rectangle with that of picture k under a map, -1 to 1."""
         x, y, w, h = self.rect
         corners = moved_by(m, [(x, y), (x + w, y), (x, y + h), (x + w, y + h)])
         if not _within(corners, grey.shape, -2).all():
@@ -457,7 +485,7 @@ class _Track:
 
 
 def _to_box(guess, rect, box):
-    """The guess, shifted and zoomed so that the rectangle's middle is that of CSRT's box."""
+    """The map, shifted so that the middle of the rectangle is at the middle of the box found by CSRT."""
     x, y, w, h = rect
     middle = np.array([x + w / 2, y + h / 2])
     now = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])

@@ -1,9 +1,10 @@
-"""From tracks to what learning needs: smooth paths, headings, speeds, rates of turning and fields on a grid.
+"""Evidence for learning from tracks: smooth paths, headings, speeds, rates of turning, and fields on a grid.
 
-Places are smoothed through noise and short gaps (`flockbrush.film.tracks.smoothed`: Whittaker's smoother, one stiffness
-for all animals by generalised cross-validation).  Where the file has no headings, an animal heads where it goes; while
-it is slower than its noise it keeps the heading it had.  How uncertain places and headings are is measured by a
-parametric bootstrap: noise of the estimated size is laid on the smooth paths, which are smoothed again.
+Positions are smoothed through noise and short gaps (`flockbrush.film.tracks.smoothed`: Whittaker's smoother, with one
+stiffness for all animals by generalised cross-validation). If the file has no headings, an animal heads in its
+direction of motion; while its speed is below the noise, it keeps its last heading. The uncertainty of positions and
+headings is estimated by a parametric bootstrap: noise of the estimated size is added to the smooth paths, which are
+smoothed again.
 """
 
 from __future__ import annotations
@@ -40,19 +41,27 @@ USUAL_LENGTH_M = 1.0
 
 
 def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> Evidence:
-    """What tracks tell of a herd.
+    """The evidence of a herd in its tracks.
 
     Parameters
     ----------
+    tracks : Trajectories
     length : float
-        One body length in the unit of the tracks.
+        Body length in the unit of the tracks.
     grid : int
-        Cells across the longer side of the ground.
+        Cells along the longer side of the ground.
+
+    Returns
+    -------
+    Evidence
+        In body lengths and seconds.
 
     Raises
     ------
     CannotObserve
-        When there are too few frames or animals.
+        When there are fewer than `SHORTEST` frames or `FEWEST` animals.
+    ProblemsError
+        When the body length is not positive.
     """
     if not (math.isfinite(length) and length > 0):
         raise refused(tracks.name, f"a body length must be above 0 {tracks.unit}, got {length:g}")
@@ -159,7 +168,11 @@ def _wrapped(angle):
 
 
 def _headings(pieces, velocity, slow):
-    """(angle (T, P) unwrapped, whether it was seen): of the file, else where an animal goes, else as it was."""
+    """Heading angle (T, P), rad, unwrapped, and whether it was observed (T, P).
+
+    From the file if it has headings, else from the direction of motion; below the speed `slow` the last heading is
+    kept.
+    """
     there = np.isfinite(velocity[..., 0])
     if pieces.heading is not None:
         angle, sure = pieces.heading.copy(), np.isfinite(pieces.heading)
@@ -178,7 +191,7 @@ def _headings(pieces, velocity, slow):
 
 
 def _missing_places(tracks, pieces, motion, length):
-    """(T, A, 2) where animals are thought to be in frames in which they are missing, BL."""
+    """Estimated positions (T, A, 2), BL, of animals in frames in which they are missing."""
     here, there = np.isfinite(motion.xy[..., 0]), np.zeros(tracks.seen.shape, bool)
     for k, animal in enumerate(pieces.animal):
         there[:, animal] |= here[:, k]
@@ -186,7 +199,7 @@ def _missing_places(tracks, pieces, motion, length):
 
 
 def _sightings(pieces, motion, around):
-    """(Sightings, (m, 2) velocities in the same order)."""
+    """Sightings of all pieces, and their velocities (m, 2) BL/s in the same order."""
     known = np.isfinite(motion.xy[..., 0])
     angle = motion.angle[known]
     forward = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -204,9 +217,9 @@ def _sightings(pieces, motion, around):
 
 
 def _fields(tracks, missing, sightings, velocity, grid):
-    """The fields of all animals; a herd that comes and goes fills the grid, a whole one has room around it.
+    """The fields of all animals, on ground with a margin if the whole herd is always visible.
 
-    Density and number count missing animals, too, on the ground where animals are seen; velocities are of those seen.
+    Missing animals count in density and number where animals are seen; velocities are of visible animals only.
     """
     low, high = sightings.xy.min(0), sightings.xy.max(0)
     on_ground = ((missing >= low) & (missing <= high)).all(-1)
@@ -236,7 +249,7 @@ def _fields(tracks, missing, sightings, velocity, grid):
 
 
 def _jumps(tracks, length):
-    """Sentences about frames between which most animals are suddenly elsewhere: two recordings in one file."""
+    """Sentences about frames between which most animals jump: such a file contains two recordings."""
     steps = np.diff(tracks.xy, axis=0) / length
     way = np.hypot(steps[..., 0], steps[..., 1])
     usual = np.array([np.nanmedian(row) if np.isfinite(row).any() else 0.0 for row in way])

@@ -1,4 +1,4 @@
-"""Formats of tracks, one function each: a path in, a `Table` of places by frame and animal out."""
+"""Formats of tracks: one function each, from a path to a `TrackTable`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TOLD = 20  # problems of one file that are reported
 
 
 def csv_table(path) -> TrackTable:
-    """CSV and TSV: of Flockbrush, trackdf, Movebank, DeepLabCut, idtracker.ai, TRex."""
+    """Tracks from CSV and TSV of Flockbrush, trackdf, Movebank, DeepLabCut, idtracker.ai and TRex. ProblemsError."""
     rows = read_table(path, limits.TRACKS_BYTES, limits.TRACK_ROWS)
     line, header = next(rows, (1, []))
     header = [cell.strip() for cell in _split(header)]
@@ -228,7 +228,7 @@ def _frames_of_times(path, times):
 
 
 def parquet_table(path) -> TrackTable:
-    """Parquet with the columns of the CSV of Flockbrush, or any with id, x, y and frame or time."""
+    """Tracks from Parquet with the columns id, x, y, and frame or time. ProblemsError."""
     try:
         import pyarrow
     except ImportError:
@@ -392,7 +392,7 @@ def _of_one(path, frames, xy, fps, unit):
 
 
 def trex_file(path) -> TrackTable:
-    """One animal as TRex writes it in an npz."""
+    """Track of one animal from an npz of TRex. ProblemsError."""
     try:
         arrays = _trex_arrays(path)
     except (zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
@@ -435,12 +435,12 @@ def _trex_arrays(path):
 
 
 def trex_files(path) -> list[Path]:
-    """The files of a folder that may be TRex' of single animals."""
+    """The files of a folder that may be tracks of TRex, one per animal."""
     return sorted(p for p in Path(path).iterdir() if p.suffix.lower() in (".npz", ".csv") and p.is_file())
 
 
 def trex_folder(path) -> TrackTable:
-    """All animals of a folder of TRex files, npz or csv."""
+    """Tracks of all animals in a folder of TRex files, npz or csv. ProblemsError."""
     files = trex_files(path)
     if len(files) > 10_000:
         raise refused(path, f"has {len(files)} files; one file per animal is expected")

@@ -18,7 +18,7 @@ def level(tmp_path_factory):
 
 @pytest.fixture
 def window(level):
-    made = SmallWindow(level, ViewPanel)
+    made = SmallWindow(level, ViewPanel, size=(320, 1400))  # as tall as the panel: a new overlay adds a row
     yield made
     made.close()
 
