@@ -6,7 +6,6 @@ import pytest
 from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.brush import load_brush, shipped
 from flockbrush.systems.commands import SetParameter
-from flockbrush.systems.edits import UseBrush
 from small_pasture import by_hand, pasture
 from small_window import SmallWindow
 
@@ -214,13 +213,6 @@ def another(knob, value):
     if knob.kind == CHOICE:
         return next(choice for choice in knob.choices if choice != value)
     return knob.high if value != knob.high else knob.low
-
-
-def test_a_command_carries_a_brush_that_reads_back_the_same():
-    brush = shipped().get("march")
-    command = use(brush)
-    assert isinstance(command, UseBrush)
-    assert load_brush(command.source.encode(), f"{command.name}.brush.toml") == brush
 
 
 def test_a_new_brush_of_nothing_changed_says_so():
