@@ -222,14 +222,6 @@ def test_a_new_brush_of_nothing_changed_says_so():
     assert made.params == brush.params
 
 
-@pytest.mark.parametrize("size", [(200, 140), (260, 300), (700, 1300)])
-@pytest.mark.parametrize("scale", [0.8, 2.0])
-def test_a_column_of_any_size_holds_the_panel(level, size, scale):
-    window = advanced(level, scale=scale, size=size)
-    assert window.panel.rows
-    window.close()
-
-
 def test_a_level_that_comes_with_flockbrush_keeps_its_folder_and_says_why():
     window = advanced("meadow", brush="march")
     window.panel.save_as("shy-march")
