@@ -52,7 +52,7 @@ COUNTS = {
 }
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
-BEYOND_BODY = np.arange(RINGS) * RING >= 0.75  # rings of `flockbrush.film.pair_density` that are not the body's own
+BEYOND_BODY = np.arange(RINGS) * RING >= 0.5  # rings of `flockbrush.film.pair_density` that are not the body's own
 KNOWN = 0.5  # of its moments a measure must be told in to count
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
