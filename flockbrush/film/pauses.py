@@ -42,17 +42,32 @@ class Pauses:
     changes: int  # that it is estimated from
 
 
+def limits_of(sightings) -> list[float]:
+    """BL/s between the states of the speed: none where speeds are of one kind, and one or two valleys else."""
+    speed = sightings.speed[np.isfinite(sightings.speed) & (sightings.track >= 0)]
+    limits: list[float] = []
+    while len(limits) < 2 and (limit := _valley(speed)) is not None:
+        limits.append(limit)
+        speed = speed[speed >= limit]
+    return limits
+
+
+def states_of(sightings, fps, limits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """((m,) state of each sight, 0 the slowest, -1 unknown; rows before and after a frame, of the same animal)."""
+    states, who = _states(sightings, limits, max(1, round(SHORT * fps)))
+    before, after = _pairs(sightings, who)
+    known = (states[before] >= 0) & (states[after] >= 0)
+    return states, before[known], after[known]
+
+
 def pauses_of(sightings, fps) -> Pauses | None:
     """The two states of a clip's animals; None if its speeds are of one kind, or change too seldom."""
-    speed = sightings.speed[np.isfinite(sightings.speed) & (sightings.track >= 0)]
-    slow = _valley(speed)
-    if slow is None:
+    limits = limits_of(sightings)
+    if not limits:
         return None
-    walks, who = _states(sightings, slow, max(1, round(SHORT * fps)))
+    slow = limits[0]
+    walks, before, after = states_of(sightings, fps, [slow])
     share = _company(sightings, walks)
-    before, after = _pairs(sightings, who)
-    known = (walks[before] >= 0) & (walks[after] >= 0)
-    before, after = before[known], after[known]
     changed = walks[before] != walks[after]
     if changed.sum() < FEWEST:
         return None
@@ -89,9 +104,9 @@ def _valley(speed):
     return slow if np.median(speed[stands]) < APART * np.median(speed[~stands]) else None
 
 
-def _states(sightings, slow, least):
-    """((m,) 1 walks, 0 stands, -1 unknown; rows of each track in order)."""
-    walks = np.where(np.isfinite(sightings.speed), (sightings.speed >= slow).astype(int), -1)
+def _states(sightings, limits, least):
+    """((m,) 0 stands, 1 walks and so on, -1 unknown; rows of each track in order)."""
+    walks = np.where(np.isfinite(sightings.speed), np.searchsorted(limits, sightings.speed, "right"), -1)
     order = np.lexsort((sightings.frame, sightings.track))
     order = order[sightings.track[order] >= 0]
     begins = np.flatnonzero(np.diff(sightings.track[order])) + 1

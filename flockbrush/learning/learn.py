@@ -26,6 +26,7 @@ from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of, name_of
 from flockbrush.learning.learned_parameters import Learned
+from flockbrush.learning.learned_program import program_of
 from flockbrush.learning.model_choice import AUTO, check_kind, kind_of
 from flockbrush.learning.model_fit import learned_model
 from flockbrush.learning.other_starts import with_other_starts
@@ -93,6 +94,7 @@ class BrushTask:
     region: Region | None = None
     notes: list[str] = field(default_factory=list)
     kind: str = HERD  # of model
+    program: Path | None = None  # of its states, if animals stand and walk by turns
 
     def state(self, number=0) -> Path:
         """Where the learning of the so-manieth part keeps what it has, to go on after an interruption."""
@@ -274,10 +276,12 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         elif wishes.ablate:
             _ablate(found, wishes, interrupts, herd)
         found.seconds["comparing"] = time.perf_counter() - began
-        notes = [*found.notes, *_counted(found), *filter(None, [found.starts_sentence()])]
+        notes = [*found.notes, *filter(None, [found.counts_sentence(), found.starts_sentence()])]
         found.brush = _brush(herd, found.learned, found.clips, wishes, found.figures(), notes)
     write_text(herd.out, brush_to_toml(found.brush))
     load_brush(herd.out)  # it reads back
+    program = program_of(found.brush, found.clips)
+    herd.program = None if program is None else program.write(herd.out)[0]
     if not found.learned.interrupted and not interrupts.asked:
         for k in range(len(folds) + 1):
             herd.state(k).unlink(missing_ok=True)
@@ -408,22 +412,6 @@ def _brush(herd, learned, clips, wishes, figures={}, notes=()) -> Brush:  # noqa
     )
 
 
-def _counted(found):
-    """A sentence about other numbers of animals."""
-
-    def not_kept(row):
-        strayed = found.strayed(row)
-        return f" (differs from the clip in {strayed})" if strayed else ""
-
-    if found.counts:
-        told = "; ".join(
-            f"{r['animals']} animals: polarization {r['polarization']:.2f}, milling {r['milling']:.2f}, nearest "
-            f"neighbour {r['spacing']:.2f} BL{not_kept(r)}"
-            for r in found.counts
-        )
-        yield f"On an endless plane, 10 to 20 s after a start like that of the clip: {told}."
-
-
 # how it does ------------------------------------------------------------------------------------
 
 
@@ -485,14 +473,17 @@ def moments_of(clip, frames: Evidence, run: Run, brush, count=MOMENTS) -> list[n
 
 def _tell(wishes, found: list[Findings], herds):
     if wishes.json:
-        print_json({"brushes": [as_json(f) | {"file": str(h.out)} for f, h in zip(found, herds, strict=False)]})
+        files = [{"file": str(h.out)} | ({"program": str(h.program)} if h.program else {}) for h in herds]
+        print_json({"brushes": [as_json(f) | file for f, file in zip(found, files, strict=False)]})
     else:
         for findings in found:
             show_findings(findings)
     for findings, herd in zip(found, herds, strict=False):
         say(("" if len(herds) == 1 else f"{findings.brush.name}: ") + findings.verdict())
         say(
-            f"wrote {herd.out}" + (f"; continue with --resume ({herd.state()})" if findings.learned.interrupted else "")
+            f"wrote {herd.out}"
+            + (f"; continue with --resume ({herd.state()})" if findings.learned.interrupted else "")
+            + (f" and {herd.program}, with a brush of each state" if herd.program else "")
         )
     if wishes.report is not None:
         say(f"wrote {wishes.report / 'report.html'}")

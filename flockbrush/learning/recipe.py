@@ -6,8 +6,8 @@
 3. **Descent** of each: on the turns of single animals where they are told apart (`flockbrush.learning.turns`), else on
    the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).
 4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
-   (`flockbrush.learning.scores`): once as far as the clip goes, and once well beyond, so that a mill must keep milling
-   and not only begin as one.
+   (`flockbrush.learning.scores`): once as far as the clip goes, and the better half once well beyond, so that a mill
+   must keep milling and not only begin as one.
 5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
    fast animals can turn and how fast they answer.  Wander is capped by the residual of the turn fits.
 6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was

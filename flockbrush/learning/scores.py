@@ -40,7 +40,7 @@ FARTHEST = 10.0  # deviations: a herd that is farther off is just as wrong
 SHARES = ("polarization", "milling", "milling in the picture", "order nearby", "largest part")
 LENGTHS = ("aspect", "spread", "density", "nearest neighbour", "speed")
 MEASURES = SHARES + LENGTHS
-LYING = 270.0  # degrees², of the directions of a photograph: a tenth of chance
+LYING, LEAST_LYING = 0.2, 2.0  # of the logarithm of the variance of directions in a photograph; degrees² it is told to
 # weights; 1 for the others
 COUNTS = {
     "directions": 3.0,
@@ -447,7 +447,8 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
     if np.isfinite(target.directions):
         looks = [run.of(t) for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
         lie = _mean(np.array([mean_variance(evidence.fields, run.xy[r], run.forward[r]) for r in looks]))
-        out["directions"] = float(np.nan_to_num(min(abs(lie - target.directions) / LYING, FARTHEST), nan=FARTHEST))
+        off = abs(np.log((lie + LEAST_LYING) / (target.directions + LEAST_LYING)))
+        out["directions"] = float(np.nan_to_num(min(off / LYING, FARTHEST), nan=FARTHEST))
     if np.isfinite(target.spacing).all():
         looks = [view.xy[view.of(t)] for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
         off = np.log(np.maximum(spacings(looks), 1e-3) / np.maximum(target.spacing, 1e-3))
