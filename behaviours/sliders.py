@@ -16,13 +16,18 @@ class Range(NamedTuple):
     low: float
     high: float
     times: bool = False  # even steps multiply; otherwise they add
+    over: float = 1.0  # share of the slider in which it goes from one end to the other; the first number takes all
 
 
 class DesignerSlider(NamedTuple):
-    """What the two ends of a slider mean, and the numbers that it moves together; the first says where it stands."""
+    """What the two ends of a slider mean, and the numbers that it moves together; the first says where it stands.
+
+    ``unproved`` is its name in brushes for which no measurement shows that it does mainly what its own name says.
+    """
 
     ends: str
     ranges: tuple[Range, ...]
+    unproved: str = ""
 
 
 def moves(name: str, low: float, high: float, times: bool = False) -> Range:
@@ -33,6 +38,6 @@ def moves(name: str, low: float, high: float, times: bool = False) -> Range:
 SLIDERS = {
     "pace": DesignerSlider(
         "Slow and calm to fast",
-        (Range("speed", "mean", 0.1, 20.0, True), Range("speed", "deviation", 0.1, 20.0, True)),
+        (Range("speed", "mean", 0.1, 50.0, True), Range("speed", "deviation", 0.1, 50.0, True)),
     )
 }  # of every model

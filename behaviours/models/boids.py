@@ -134,6 +134,7 @@ class Params(Parameters):
         "order": DesignerSlider(
             "Random headings to common heading",
             (moves("matching_strength", 0.0, 1.0), moves("matching_time", 1.5, 0.05, True)),
+            unproved="alignment",
         ),
         "personal space": DesignerSlider("Wing to wing to wide spacing", (moves("separation", 0.5, 30.0, True),)),
         "nerve": DesignerSlider(

@@ -86,7 +86,7 @@ class Params(Parameters):
 
     sliders: ClassVar = {
         "tightness": DesignerSlider("Wide to narrow lateral spacing", (moves("spacing", 3.0, 0.95, True),)),
-        "order": DesignerSlider("Irregular to exact formation", (moves("deviation", 1.0, 0.0),)),
+        "regularity": DesignerSlider("Irregular to exact formation", (moves("deviation", 1.0, 0.0),)),
         "sweep": DesignerSlider(
             "Flat to deep formation", (moves("slope", 0.2, 3.0, True), moves("curvature", 0.01, 0.3, True))
         ),
@@ -94,7 +94,6 @@ class Params(Parameters):
             "Slow to quick changes of place",
             (moves("drift", 0.05, 2.0, True), moves("gain", 0.01, 0.2, True), moves("turning", 0.05, 0.8, True)),
         ),
-        "wander": DesignerSlider("Constant to changing lateral places", (moves("lateral", 0.0, 1.0),)),
         **SLIDERS,
     }
 

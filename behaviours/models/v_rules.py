@@ -40,7 +40,7 @@ class Params(VRuleSettings):
 
     sliders: ClassVar = {
         "tightness": DesignerSlider("Wings apart to wings overlapping", (moves("lateral_room", 1.0, -0.3),)),
-        "order": DesignerSlider("Several lines to one V", (moves("angle", 40.0, 180.0),)),
+        "regularity": DesignerSlider("Several lines to one V", (moves("angle", 40.0, 180.0),)),
         "personal space": DesignerSlider(
             "Close behind one another to wide spacing", (moves("margin", 0.05, 2.0, True),)
         ),
