@@ -35,9 +35,12 @@ def moves(name: str, low: float, high: float, times: bool = False) -> Range:
     return Range("params", name, low, high, times)
 
 
-SLIDERS = {
-    "pace": DesignerSlider(
+def pace(low: float, high: float) -> DesignerSlider:
+    """The slider of the speed, in body lengths per second."""
+    return DesignerSlider(
         "Slow and calm to fast",
-        (Range("speed", "mean", 0.1, 50.0, True), Range("speed", "deviation", 0.1, 50.0, True)),
+        (Range("speed", "mean", low, high, True), Range("speed", "deviation", low, high, True)),
     )
-}  # of every model
+
+
+SLIDERS = {"pace": pace(0.1, 20.0)}  # of every model

@@ -45,7 +45,7 @@ from flockbrush.behaviours.boid_urges import (
     to_target,
     turned,
 )
-from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.sliders import DesignerSlider, moves, pace
 from flockbrush.engine.lane_maths import lane_function
 from flockbrush.engine.lanes import EIGHT, fused, load8, load_rows, pointer, root, splat8, store, total, totals, where
 from flockbrush.engine.maths import exp_, log_
@@ -141,7 +141,7 @@ class Params(Parameters):
             "Bold to fearful",
             (moves("flight_distance", 5.0, 500.0, True), moves("panic_pace", 1.0, 4.0, True)),
         ),
-        **SLIDERS,
+        "pace": pace(1.0, 60.0),
     }
 
 

@@ -25,7 +25,7 @@ from flockbrush.behaviours.behaviour import Flight, Parameters, Wishes, air_of, 
 from flockbrush.behaviours.formation.formation_shapes import Curve, Formation, FrameShape
 from flockbrush.behaviours.formation.reaching import FormingRules, limited_speed_, limited_turn_, reach_, wrap_
 from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
-from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.sliders import DesignerSlider, moves, pace
 from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
@@ -94,7 +94,7 @@ class Params(Parameters):
             "Slow to quick changes of place",
             (moves("drift", 0.05, 2.0, True), moves("gain", 0.01, 0.2, True), moves("turning", 0.05, 0.8, True)),
         ),
-        **SLIDERS,
+        "pace": pace(1.0, 60.0),
     }
 
 

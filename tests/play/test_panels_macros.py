@@ -61,6 +61,14 @@ def test_a_brush_goes_by_its_own_ranges_and_others_by_the_general_rule():
     assert other.ranges == MARCH.params.sliders["order"].ranges
 
 
+def test_a_number_may_go_from_end_to_end_within_a_part_of_the_slider():
+    own = [["params", "alignment_weight", 0.0, 1.0], ["params", "wander", 2.0, 0.0, False, 0.25]]
+    one = next(one for one in macros_of(MARCH, {"order": {"march": {"ranges": own}}}) if one.slider == "order")
+    at = one.value(MARCH)
+    turned_to = [one.turned(MARCH, place).params.wander for place in (0.0, at - 0.125, at, 1.0)]
+    assert turned_to == pytest.approx([2.0, 1.0, 0.0, 0.0])
+
+
 def test_what_was_measured_stands_below_a_slider_that_does_less_or_more_and_its_name_goes_by_it():
     def order(course, **moves):
         table = {"order": {"march": {"polarization": course, "moves": dict.fromkeys(MOVES, 0.1) | moves}}}

@@ -115,7 +115,7 @@ def reaches_goal(entry: Mapping[str, Any]) -> bool:
         return False
     (measure, far), *others = entry["moves"].items()
     low, high = min(entry[measure]), max(entry[measure])
-    return high - low >= ENOUGH and far >= max(SURE, *(GOAL * by for _, by in others))
+    return high - low >= ENOUGH and far >= max([SURE, *(GOAL * by for _, by in others)])
 
 
 def _note(entry):
