@@ -79,7 +79,7 @@ def test_what_was_measured_stands_below_a_slider_that_does_less_or_more_and_its_
     also = "also changes speed and spacing"
     assert order([0.1, 0.9], polarization=9.0, nnd=3.1, speed_mean=4.0) == ("alignment", False, also)
     assert order([0.5, 0.9], polarization=9.0) == ("alignment", False, "")
-    said = "weak effect: polarization 0.30 to 0.80 ± 0.50"
+    said = "weak effect: polarization 0.30 to 0.80"
     assert order([0.3, 0.8], polarization=1.0) == ("alignment", True, said)
     assert [one.name for one in macros_of(MARCH, {}) if one.slider == "order"] == ["alignment"]  # nothing measured
 

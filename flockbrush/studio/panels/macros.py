@@ -125,6 +125,6 @@ def _note(entry):
     (measure, far), *others = entry["moves"].items()
     low, high = min(entry[measure]), max(entry[measure])
     if far < SURE:
-        return SENTENCE, f"weak effect: {WORDS[measure]} {low:.2f} to {high:.2f} ± {(high - low) / max(far, 0.1):.2f}"
+        return SENTENCE, f"weak effect: {WORDS[measure]} {low:.2f} to {high:.2f}"
     also = sorted((name for name, by in others if GOAL * by > far), key=lambda name: -entry["moves"][name])[:2]
     return NUMBER, f"also changes {' and '.join(WORDS[one] for one in also)}" if also else ""
