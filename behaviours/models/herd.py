@@ -128,6 +128,7 @@ class Params(Parameters):
         "order": DesignerSlider(
             "Random headings to common heading",
             (moves("alignment_weight", 0.0, 1.0), moves("alignment_radial", 0.5, 1.0)),
+            unproved="alignment",
         ),
         "personal space": DesignerSlider(
             "Close contact to wide spacing",
