@@ -35,12 +35,13 @@ SMOKE = {  # pytest -m smoke: files, and how the names of the tests begin; "" me
 @pytest.fixture(scope="module")
 def hasty_learning():
     """`flockbrush learn` searches from four starts for a second, in one process, and tests the brush in one way."""
-    from flockbrush.learning import learn, recipe
+    from flockbrush.learning import helpers, learn, recipe
 
     workers, begins = recipe.Workers, recipe.begins
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(recipe, "begins", lambda *how: begins(*how)[::5][:4])
         patch.setattr(recipe, "Workers", lambda given, jobs, *rest: workers(given, 1, *rest))
+        patch.setattr(learn, "Helpers", lambda jobs: helpers.Helpers(1))  # lambdas below are not pickled
         patch.setattr(learn, "QUICK_BUDGET", 1.0)
         patch.setattr(learn, "with_other_numbers", lambda *_: [])
         patch.setattr(learn, "with_other_starts", lambda *_: [])
