@@ -420,9 +420,9 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
     if target.pairs is not None:
         inside = in_picture(run, evidence.fields)
         looks = [np.flatnonzero(inside[run.of(t)]) + run.first[t] for t in range(0, len(run), every)]
-        mine = [pairs_of_bodies(run.xy[r], run.forward[r], evidence.radius_bl) for r in looks]
-        mine = mean_pairs(mine[len(mine) // 3 :] if lasting else mine)
-        out["pairs"] = _in_deviations(pairs_off(mine, target.pairs), target.pairs_scale)
+        pairs = [pairs_of_bodies(run.xy[r], run.forward[r], evidence.radius_bl) for r in looks]
+        mean = mean_pairs(pairs[len(pairs) // 3 :] if lasting else pairs)
+        out["pairs"] = _in_deviations(pairs_off(mean, target.pairs), target.pairs_scale)
     around, theirs = neighbour_map(view, every=max(4, len(run) // LOOKS)), target.map
     if not target.headed:  # then only how far neighbours are is known, and not where
         around, theirs = around.mean(1, keepdims=True), theirs.mean(1, keepdims=True)
