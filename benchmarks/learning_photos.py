@@ -1,6 +1,6 @@
 """Learn from one photograph and compare the spacing and the directions of the simulated herd with it.
 
-    python benchmarks/learning.py photos [--models band swarm graze] [--full]
+    python benchmarks/learning.py photos [--models band swarm graze] [--seed 7] [--full]
 
 A herd of another model (``benchmarks/foreign_herds.py``) is photographed from above.  A brush is learned from the
 picture alone and three herds are simulated from it for 10 s.  Goals: the median of the distances to the nearest
@@ -28,6 +28,7 @@ def add(commands):
     parser = commands.add_parser("photos", help="spacing and directions of herds learned from one photograph")
     parser.add_argument("--models", nargs="*", default=list(MODELS), help="models of foreign_herds")
     parser.add_argument("--animals", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=7, help="of the herds that are photographed")
     parser.add_argument("--full", action="store_true", help="learn with the full settings instead of --quick's")
     parser.add_argument("--jobs", type=int, default=1)
     parser.set_defaults(run=run)
@@ -49,7 +50,7 @@ def _of_model(model, options):
     from flockbrush.learning.scores import spacings
 
     began = time.perf_counter()
-    clip, truth, error = _photograph(model, options.animals)
+    clip, truth, error = _photograph(model, options.animals, options.seed)
     rng = np.random.default_rng(1)
     found, fields = _learned(clip, options), clip.fields
     place, variance = [], []
@@ -72,7 +73,7 @@ def _of_model(model, options):
     }  # fmt: skip
 
 
-def _photograph(model, animals):
+def _photograph(model, animals, seed):
     """(the evidence of a photograph, the herd's median distance to the nearest neighbour, the error of axes, rad)."""
     import cv2
     from scipy.spatial import cKDTree
@@ -83,7 +84,7 @@ def _photograph(model, animals):
     from flockbrush.learning.photo import standing
     from flockbrush.learning.scores import spacings
 
-    truth = herd(model, animals, 1.0, seed=7)
+    truth = herd(model, animals, 1.0, seed=seed)
     extent = float(np.ptp(truth.xy[0], axis=0).max()) + 6.0
     body = float(np.clip(620.0 / extent, 11.0, 22.0))
     side = int(np.ceil(extent * body / 16) * 16)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -35,8 +35,8 @@ class Looking:
     body_length_m: float | None = None  # of tracks in metres
 
 
-def look_at(clip, how: Looking, show=None) -> Evidence:
-    """Observe a clip, with a progress bar; ``show`` is called with every frame, for drawing.
+def look_at(clip, how: Looking, show=None, quiet=False) -> Evidence:
+    """Observe a clip, with a progress bar unless ``quiet``; ``show`` is called with every frame, for drawing.
 
     Raises
     ------
@@ -48,9 +48,9 @@ def look_at(clip, how: Looking, show=None) -> Evidence:
         return _look_at_tracks(clip, how)
     if how.unit is not None or how.fps is not None:
         raise refused(clip, "is a video or picture: --unit and --fps can only be used with tracks")
-    with progress(f"measuring {name}", 100) as bar:
+    with progress(f"measuring {name}", 0 if quiet else 100) as bar:
 
-        def told(text, done, total):
+        def report(text, done, total):
             bar(100 * done / max(total, 1), f"{name}: {text}")
 
         return observe(
@@ -62,7 +62,7 @@ def look_at(clip, how: Looking, show=None) -> Evidence:
             grid=how.grid,
             obstacles=how.obstacles,
             regions=how.regions,
-            say=told,
+            say=report,
             **({} if show is None else {"show": show}),
         )
 
@@ -104,7 +104,37 @@ def tell_notes(clip, evidence: Evidence):
         say(f"{clip}: {note}")
 
 
-def looked_apart(clip, how: Looking, whole: Evidence, share: float, rotate=False) -> list[tuple[Evidence, Evidence]]:
+def training_part(clip, how: Looking, share: float, at_end: bool) -> Evidence | None:
+    """The training part of `looked_apart` for a film of which nothing is known yet; None if it cannot be divided."""
+    film = open_clip(clip, how.frames)
+    cut = _cut(len(film.numbers), share)
+    if film.still or not cut:
+        return None
+    numbers = film.numbers[-cut:] if at_end else film.numbers[:cut]
+    return _look_at_training(clip, how, int(numbers[0]), int(numbers[-1]), quiet=True)
+
+
+def _cut(total, share):
+    """Frames of a training part; 0 if there are too few."""
+    cut = round(share * total)
+    return 0 if share >= 1 or total < FEWEST or min(cut, total - cut) < 2 else cut
+
+
+def _turned(how: Looking, rotate) -> bool:
+    return rotate and not (how.obstacles or how.regions or how.landmarks)
+
+
+def training_begun(clip, how: Looking, share: float, rotate, helpers) -> list:
+    """Observations of the training parts of a film by `Helpers`, for `looked_apart`; none for tracks."""
+    if is_tracks(clip) or helpers.jobs == 1:
+        return []
+    ends = (False, True) if _turned(how, rotate) else (False,)
+    return [helpers.later(training_part, clip, how, share, at_end) for at_end in ends]
+
+
+def looked_apart(
+    clip, how: Looking, whole: Evidence, share: float, rotate=False, begun: Sequence = (),
+) -> list[tuple[Evidence, Evidence]]:  # fmt: skip
     """[(training part, held-out part)]; empty if there are too few frames.
 
     The first ``share`` of the frames are observed again as if the clip ended there, so that the training part
@@ -116,6 +146,8 @@ def looked_apart(clip, how: Looking, whole: Evidence, share: float, rotate=False
     rotate : bool
         Give the last ``share`` besides, with the frames before it held out.  Not where masks or landmarks belong to
         frames of the clip.
+    begun : sequence of Later
+        The same training parts, if they are being observed already.
 
     Raises
     ------
@@ -123,30 +155,35 @@ def looked_apart(clip, how: Looking, whole: Evidence, share: float, rotate=False
         When the first part alone does not tell enough.
     """
     total = len(whole.fields)
-    cut = round(share * total)
-    if whole.still or share >= 1 or total < FEWEST or min(cut, total - cut) < 2:
+    cut = _cut(total, share)
+    if whole.still or not cut:
         return []
-    parts = [_apart(clip, how, whole, slice(0, cut), slice(cut, total))]
-    if rotate and not (how.obstacles or how.regions or how.landmarks):
+    parts = [_apart(clip, how, whole, slice(0, cut), slice(cut, total), *begun[:1])]
+    if _turned(how, rotate):
         try:
-            parts.append(_apart(clip, how, whole, slice(total - cut, total), slice(0, total - cut)))
+            parts.append(_apart(clip, how, whole, slice(total - cut, total), slice(0, total - cut), *begun[1:]))
         except CannotObserve as error:
             say(f"tested on one part of the clip only: {error}")
     return parts
 
 
-def _apart(clip, how, whole, chosen, held_out):
+def _apart(clip, how, whole, chosen, held_out, begun=None):
     """(some frames, observed as if there were no others; the others, in the same body lengths)."""
     first, last = (int(whole.fields.frames[row]) for row in (chosen.start, chosen.stop - 1))
+    training = _look_at_training(clip, how, first, last) if begun is None else begun.result()
+    held = whole.part(held_out)
+    return training, held.in_lengths_of(training.clip_body_px * held.clip_body_px / whole.part(chosen).clip_body_px)
+
+
+def _look_at_training(clip, how, first, last, quiet=False):
     marks = tuple(mark for mark in how.landmarks if first <= _frame_of(mark) <= last)
     if how.landmarks and not marks:
         raise CannotObserve(
-            whole.name,
+            Path(clip).name,
             f"frames {first} to {last} have no landmark, but they are used without the other frames: draw one "
             "there too",
         )
-    training, held = look_at(clip, replace(how, frames=(first, last), landmarks=marks)), whole.part(held_out)
-    return training, held.in_lengths_of(training.clip_body_px * held.clip_body_px / whole.part(chosen).clip_body_px)
+    return look_at(clip, replace(how, frames=(first, last), landmarks=marks), quiet=quiet)
 
 
 def _frame_of(mark):
@@ -160,9 +197,9 @@ def pictures_of(clip, evidence: Evidence, chosen) -> tuple[dict[int, np.ndarray]
     numbers = evidence.fields.frames
     film = open_clip(clip, None if evidence.still else (int(numbers.min()), int(numbers.max())))
     place = {int(number): k for k, number in enumerate(film.numbers)}
-    wanted = {t: place[int(numbers[t])] for t in chosen if int(numbers[t]) in place}
-    read = dict(film.read(wanted.values()))
-    return {t: read[k] for t, k in wanted.items()}, film.scale
+    frame_of_time = {t: place[int(numbers[t])] for t in chosen if int(numbers[t]) in place}
+    read = dict(film.read(frame_of_time.values()))
+    return {t: read[k] for t, k in frame_of_time.items()}, film.scale
 
 
 def moving_pictures(clip, evidence: Evidence) -> tuple[Iterator[tuple[int, np.ndarray]], float]:
@@ -201,4 +238,5 @@ __all__ = [
     "pictures_of",
     "read_tracks_of",
     "tell_notes",
+    "training_begun",
 ]

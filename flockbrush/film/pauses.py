@@ -42,17 +42,32 @@ class Pauses:
     changes: int  # that it is estimated from
 
 
+def limits_of(sightings) -> list[float]:
+    """BL/s between the states of the speed: none where speeds are of one kind, and one or two valleys else."""
+    speed = sightings.speed[np.isfinite(sightings.speed) & (sightings.track >= 0)]
+    limits: list[float] = []
+    while len(limits) < 2 and (limit := _valley(speed)) is not None:
+        limits.append(limit)
+        speed = speed[speed >= limit]
+    return limits
+
+
+def states_of(sightings, fps, limits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """((m,) state of each sight, 0 the slowest, -1 unknown; rows before and after a frame, of the same animal)."""
+    states, who = _states(sightings, limits, max(1, round(SHORT * fps)))
+    before, after = _pairs(sightings, who)
+    known = (states[before] >= 0) & (states[after] >= 0)
+    return states, before[known], after[known]
+
+
 def pauses_of(sightings, fps) -> Pauses | None:
     """The two states of a clip's animals; None if its speeds are of one kind, or change too seldom."""
-    speed = sightings.speed[np.isfinite(sightings.speed) & (sightings.track >= 0)]
-    slow = _valley(speed)
-    if slow is None:
+    limits = limits_of(sightings)
+    if not limits:
         return None
-    walks, who = _states(sightings, slow, max(1, round(SHORT * fps)))
+    slow = limits[0]
+    walks, before, after = states_of(sightings, fps, [slow])
     share = _company(sightings, walks)
-    before, after = _pairs(sightings, who)
-    known = (walks[before] >= 0) & (walks[after] >= 0)
-    before, after = before[known], after[known]
     changed = walks[before] != walks[after]
     if changed.sum() < FEWEST:
         return None
@@ -75,23 +90,23 @@ def _valley(speed):
         return None
     count = np.histogram(np.minimum(speed, top), BINS, (0.0, top))[0].astype(float)
     count = np.convolve(np.pad(count, 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
-    found = None
+    valley = None
     for k in range(1, BINS // 2 + 2):
         low, high = count[:k].max(), count[k + 1 :].max()
-        if count[k] < VALLEY * min(low, high) and (found is None or count[k] < count[found]):
-            found = k
-    if found is None:
+        if count[k] < VALLEY * min(low, high) and (valley is None or count[k] < count[valley]):
+            valley = k
+    if valley is None:
         return None
-    slow = (found + 0.5) * top / BINS
+    slow = (valley + 0.5) * top / BINS
     stands = speed < slow
     if not SHARES[0] < stands.mean() < SHARES[1]:
         return None
     return slow if np.median(speed[stands]) < APART * np.median(speed[~stands]) else None
 
 
-def _states(sightings, slow, least):
-    """((m,) 1 walks, 0 stands, -1 unknown; rows of each track in order)."""
-    walks = np.where(np.isfinite(sightings.speed), (sightings.speed >= slow).astype(int), -1)
+def _states(sightings, limits, least):
+    """((m,) 0 stands, 1 walks and so on, -1 unknown; rows of each track in order)."""
+    walks = np.where(np.isfinite(sightings.speed), np.searchsorted(limits, sightings.speed, "right"), -1)
     order = np.lexsort((sightings.frame, sightings.track))
     order = order[sightings.track[order] >= 0]
     begins = np.flatnonzero(np.diff(sightings.track[order])) + 1

@@ -15,16 +15,18 @@ from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.engine.files import held, output_problems, refused, write_text
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.observations import CannotObserve, Evidence
-from flockbrush.film.open_clip import Looking, facts_of, look_at, looked_apart, pictures_of, tell_notes
+from flockbrush.film.open_clip import Looking, facts_of, look_at, looked_apart, pictures_of, tell_notes, training_begun
 from flockbrush.learning.ablation import ablated
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.folds import ClipFolds, Fold, folds_of, seen_within
 from flockbrush.learning.group_size_test import with_other_numbers
+from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of, name_of
 from flockbrush.learning.learned_parameters import Learned
+from flockbrush.learning.learned_program import program_of
 from flockbrush.learning.model_choice import AUTO, check_kind, kind_of
 from flockbrush.learning.model_fit import learned_model
 from flockbrush.learning.other_starts import with_other_starts
@@ -79,6 +81,7 @@ class LearnOptions:
     device: str = "auto"
     command: str = ""
     crew: Cluster | None = None  # `workers`, while they are in use
+    helpers: Helpers = field(default_factory=Helpers)  # `jobs`, while they are in use
     silent: bool = False  # no tables; the result is for a program
 
 
@@ -91,6 +94,7 @@ class BrushTask:
     region: Region | None = None
     notes: list[str] = field(default_factory=list)
     kind: str = HERD  # of model
+    program: Path | None = None  # of its states, if animals stand and walk by turns
 
     def state(self, number=0) -> Path:
         """Where the learning of the so-manieth part keeps what it has, to go on after an interruption."""
@@ -111,7 +115,8 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
     outputs = [*_brush_files(wishes, regions), *([wishes.report] if wishes.report else [])]
     crew = cluster(*wishes.workers) if wishes.workers else nullcontext()
     rehearsed = compiling_for("flockbrush.learning.rehearsal:rehearse")
-    with Interrupts() as interrupts, rehearsed, held(*outputs), crew as wishes.crew:
+    helpers = Helpers(wishes.jobs)
+    with Interrupts() as interrupts, rehearsed, held(*outputs), crew as wishes.crew, helpers as wishes.helpers:
         try:
             seen = [_looked(clip, wishes) for clip in wishes.clips]
         except KeyboardInterrupt:
@@ -194,9 +199,11 @@ def _needs_torch(evidences, wishes):
 def _looked(clip, wishes) -> ClipFolds:
     """The observations of one clip; if it shows too little, the report says why."""
     try:
-        whole = look_at(clip, wishes.looking)
-        alone = len(wishes.clips) == 1  # of several clips each is held out whole
-        parts = looked_apart(clip, wishes.looking, whole, wishes.share, not wishes.quick) if alone else []
+        how = clip, wishes.looking
+        apart, alone = (wishes.share, not wishes.quick), len(wishes.clips) == 1  # of several clips each is held out
+        begun = training_begun(*how, *apart, wishes.helpers) if alone else []
+        whole = look_at(*how)
+        parts = looked_apart(*how, whole, *apart, begun) if alone else []
     except CannotObserve as error:
         facts = getattr(error, "seen", None)
         if wishes.report is not None and facts:
@@ -269,10 +276,12 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         elif wishes.ablate:
             _ablate(found, wishes, interrupts, herd)
         found.seconds["comparing"] = time.perf_counter() - began
-        notes = [*found.notes, *_counted(found), *filter(None, [found.starts_sentence()])]
+        notes = [*found.notes, *filter(None, [found.counts_sentence(), found.starts_sentence()])]
         found.brush = _brush(herd, found.learned, found.clips, wishes, found.figures(), notes)
     write_text(herd.out, brush_to_toml(found.brush))
     load_brush(herd.out)  # it reads back
+    program = program_of(found.brush, found.clips)
+    herd.program = None if program is None else program.write(herd.out)[0]
     if not found.learned.interrupted and not interrupts.asked:
         for k in range(len(folds) + 1):
             herd.state(k).unlink(missing_ok=True)
@@ -303,7 +312,7 @@ def _judged(fold: Fold, found: Findings, wishes, interrupts):
         try:
             return judge(
                 frames, found.brush, rivals, name=found.brush.name, seed=wishes.seed,
-                runs=3 if wishes.quick else JUDGED_RUNS, say=step,
+                runs=3 if wishes.quick else JUDGED_RUNS, say=step, helpers=wishes.helpers,
             )  # fmt: skip
         except KeyboardInterrupt:
             return None
@@ -324,7 +333,8 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     begins = [(f"part {k + 1}", f.learned.theta, f.learned.extras) for k, f in enumerate(judged)]
     learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), begins=begins)
     again = _found(herd, Fold(wholes, first.held), learned, wishes)
-    checks = [_judged(Fold([whole], None), again, _quick(wishes), interrupts) for whole in wholes]
+    quick = replace(wishes, quick=True, beside=False)
+    checks = [_judged(Fold([whole], None), again, quick, interrupts) for whole in wholes]
     if interrupts.asked or any(check is None for check in checks):
         return first
     _refuse_strangers(wholes, checks, herd)
@@ -339,10 +349,6 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     again.models = first.models
     again.notes = [f"Tested on {parts}, held out in turn; the parameters were then fitted to all frames."]
     return again
-
-
-def _quick(wishes):
-    return replace(wishes, quick=True, beside=False)
 
 
 def _refuse_strangers(wholes, checks, herd):
@@ -387,7 +393,7 @@ def _learned(
             wishes.seed, starts, use, wishes.beta, budget, begins=begins, device=wishes.device, quick=wishes.quick,
         )  # fmt: skip
         return learn(
-            clips, settings, jobs=wishes.jobs, cluster=wishes.crew, say=told, stop=lambda: interrupts.asked > 0,
+            clips, settings, jobs=wishes.helpers, cluster=wishes.crew, say=told, stop=lambda: interrupts.asked > 0,
             resume=None if fresh else state,
         )  # fmt: skip
 
@@ -406,22 +412,6 @@ def _brush(herd, learned, clips, wishes, figures={}, notes=()) -> Brush:  # noqa
     )
 
 
-def _counted(found):
-    """A sentence about other numbers of animals."""
-
-    def not_kept(row):
-        strayed = found.strayed(row)
-        return f" (differs from the clip in {strayed})" if strayed else ""
-
-    if found.counts:
-        told = "; ".join(
-            f"{r['animals']} animals: polarization {r['polarization']:.2f}, milling {r['milling']:.2f}, nearest "
-            f"neighbour {r['spacing']:.2f} BL{not_kept(r)}"
-            for r in found.counts
-        )
-        yield f"On an endless plane, 10 to 20 s after a start like that of the clip: {told}."
-
-
 # how it does ------------------------------------------------------------------------------------
 
 
@@ -429,14 +419,15 @@ def _compare(found: Findings, wishes, interrupts, photo):
     """Fill in what simulations say: on the frames held out, against others, with other numbers."""
     frames = found.held if found.held is not None else found.clips[0]
     brush = found.compared_brush
+    asked = found.brush, start_of(frames, 0, 0, found.brush.body), wishes.seed
+    counts = wishes.helpers.later(with_other_numbers, *asked)
+    starts = None if photo or wishes.quick else wishes.helpers.later(with_other_starts, *asked)
     runs = [simulated(frames, brush, seed) for seed in range(1 if wishes.quick else RUNS)]
     found.comparison = compared(frames, runs)
-    start = start_of(frames, 0, 0, found.brush.body)
-    found.counts = with_other_numbers(found.brush, start, wishes.seed)
-    found.starts = [] if photo or wishes.quick else with_other_starts(found.brush, start, wishes.seed)
     if wishes.report is not None:
         many = MOMENTS_OF_PHOTO if photo else MOMENTS
         found.moments = moments_of(wishes.clips[0], frames, runs[0], brush, many)
+    found.starts, found.counts = [] if starts is None else starts.result(), counts.result()
 
 
 def _rivals(frames, found) -> dict[str, Brush]:
@@ -482,14 +473,17 @@ def moments_of(clip, frames: Evidence, run: Run, brush, count=MOMENTS) -> list[n
 
 def _tell(wishes, found: list[Findings], herds):
     if wishes.json:
-        print_json({"brushes": [as_json(f) | {"file": str(h.out)} for f, h in zip(found, herds, strict=False)]})
+        files = [{"file": str(h.out)} | ({"program": str(h.program)} if h.program else {}) for h in herds]
+        print_json({"brushes": [as_json(f) | file for f, file in zip(found, files, strict=False)]})
     else:
         for findings in found:
             show_findings(findings)
     for findings, herd in zip(found, herds, strict=False):
         say(("" if len(herds) == 1 else f"{findings.brush.name}: ") + findings.verdict())
         say(
-            f"wrote {herd.out}" + (f"; continue with --resume ({herd.state()})" if findings.learned.interrupted else "")
+            f"wrote {herd.out}"
+            + (f"; continue with --resume ({herd.state()})" if findings.learned.interrupted else "")
+            + (f" and {herd.program}, with a brush of each state" if herd.program else "")
         )
     if wishes.report is not None:
         say(f"wrote {wishes.report / 'report.html'}")

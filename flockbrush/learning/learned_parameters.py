@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
-from flockbrush.learning.rollout import NAMES
+from flockbrush.learning.rollout import LEAST, MOST, NAMES
+
+FAINT = 0.1  # of the strongest weight, below which the ranges of a force are not identifiable
+SURE = 0.1  # of the range 0 to 1: an identifiable number has a smaller error
 
 
 @dataclass
@@ -50,7 +53,7 @@ class Learned:
     # (12,) or None; standard deviation of each number as far as the turns of the animals tell (Cramér-Rao); None
     # without turns
     deviation: np.ndarray | None = None
-    # (12,) bool; whether the clip says what this number is (`flockbrush.learning.recipe.told_of`)
+    # (12,) bool; whether the clip says what this number is (`told_of`)
     identifiable: np.ndarray = field(default_factory=lambda: np.ones(12, bool))
     # figures of the chosen herd on the frames held back inside the clips, by name
     held_out: dict[str, float] = field(default_factory=dict)
@@ -75,3 +78,25 @@ class Learned:
     def loss(self) -> np.ndarray:
         """The curve of the chosen start's descent."""
         return self.starts[self.chosen].loss if self.starts else np.zeros(0)
+
+
+def forces_of(theta, extras):
+    """(12,) theta with weights at the default Ω: only the product of the two is identifiable."""
+    out = np.array(theta, float)
+    out[0:12:3] *= extras.get("sensitivity", 10.0) / 10.0
+    return out
+
+
+def told_of(theta, spread, deviation=None):
+    """(12,) bool, identifiable numbers: those on which all equally good herds and the turns of animals agree.
+
+    A number at its bound is only known to lie there or beyond, and the ranges of a force that is weak beside the
+    others, may be none at all, or whose weight is not told, mean nothing.
+    """
+    theta = np.asarray(theta, float)
+    deviation = np.zeros(12) if deviation is None else np.asarray(deviation)
+    told = (spread < SURE) & (deviation < SURE) & (theta > 1.01 * LEAST) & (theta < MOST)
+    for k in range(0, 12, 3):
+        faint = theta[k] < max(3.0 * deviation[k], FAINT * theta[0:9:3].max())
+        told[k + 1 : k + 3] &= told[k] and not faint
+    return told

@@ -1,12 +1,13 @@
 """From the observations of a clip to a brush: starts, descents, trials, evolution, and uncertainty.
 
 1. Speed, bodies and the way animals begin follow from the clip directly (`flockbrush.learning.initial_conditions`).
-2. **Starts**: some at random, and the numbers of every shipped brush of the herd model that was not itself learned.
+2. **Starts**: some at random, the numbers of every shipped brush of the herd model that was not itself learned, and, of
+   fields alone, draws that are only tried: a descent on fields gains little.
 3. **Descent** of each: on the turns of single animals where they are told apart (`flockbrush.learning.turns`), else on
    the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).
 4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
-   (`flockbrush.learning.scores`): once as far as the clip goes, and once well beyond, so that a mill must keep milling
-   and not only begin as one.
+   (`flockbrush.learning.scores`): once as far as the clip goes, and the better half once well beyond, so that a mill
+   must keep milling and not only begin as one.
 5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
    fast animals can turn and how fast they answer.  Wander is capped by the residual of the turn fits.
 6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
@@ -32,11 +33,13 @@ import numpy as np
 from flockbrush.engine.fingerprint import build_of
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.evolution import Evolution
+from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.interaction import idle_ones
-from flockbrush.learning.learned_parameters import Attempt, Learned
-from flockbrush.learning.rollout import DT, LEAST, MOST, params_of
+from flockbrush.learning.learned_parameters import Attempt, Learned, forces_of, told_of
+from flockbrush.learning.rollout import DT, params_of
+from flockbrush.learning.scores import total
 from flockbrush.learning.search_space import EXTRAS, Code, begins, stronger, turn_limits
 from flockbrush.learning.trials import (
     BEYOND,
@@ -56,6 +59,9 @@ from flockbrush.learning.trials import (
     forget,
     interaction,
     keep,
+    means_of,
+    scored,
+    trial,
 )
 from flockbrush.learning.workers import Workers, WorkStopped
 from flockbrush.runs.builds import RUNNING
@@ -65,22 +71,22 @@ HELD = 0.3  # of the frames, at the end, are held back until the choice
 RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
 GENERATION = 8  # candidates
+STEP, WIDE_STEP = 0.05, 0.12  # of an evolution: near a fit to turns; where fields alone say how animals turn
+DRAWS, QUICK_DRAWS, TWICE = 48, 16, 9  # random ones that are tried where a descent has only fields; most, tried again
 REFINED = 2
 CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
 FINALISTS, QUICK_FINALISTS = 4, 3
 KEEPERS = 3  # candidates, re-run for 20 s to test stability
 KEEPING = 0.2  # of the choice
 LEAST_WANDER = 0.05  # rad/√s, that animals may always wander by
-FAINT = 0.1  # of the strongest weight, below which the ranges of a force are not identifiable
 AGREEING = 3  # starts, where no turns say how sure a number is
-SURE = 0.1  # of the range 0 to 1: an identifiable number has a smaller error
 
 
 # the recipe -------------------------------------------------------------------------------------------
 
 
 def learn(
-    evidences: Evidence | Sequence[Evidence], settings: SearchSettings = SearchSettings(), *, jobs: int = 1,  # noqa: B008  frozen
+    evidences: Evidence | Sequence[Evidence], settings: SearchSettings = SearchSettings(), *, jobs: int | Helpers = 1,  # noqa: B008  frozen
     cluster: Cluster | None = None, say: Callable[[int, int, float, str], None] | None = None,
     stop: Callable[[], bool] | None = None, resume=None,
 ) -> Learned:  # fmt: skip
@@ -90,8 +96,8 @@ def learn(
     ----------
     evidences : Evidence or list of Evidence
     settings : SearchSettings
-    jobs : int
-        Processes.
+    jobs : int or Helpers
+        Processes, this one among them.
     cluster : Cluster, optional
         Its workers do what ``jobs`` processes would; the result is the same.
     say : callable, optional
@@ -158,17 +164,18 @@ class _Search:
     def __init__(self, given, settings, say):
         self.given, self.seed, self.say = given, settings.seed, say
         self.quick = settings.quick
+        self.by_fields = any(clip.fields.tells_motion and not followed(clip) for clip in given.clips)
         self.attempts: list[Attempt] = []
         self.deviation: dict[int, np.ndarray] = {}
         self.correlation: dict[int, np.ndarray] = {}
         self.budget = settings.budget_s * RATE
         if settings.begins is None:
-            self.begins = begins(settings.seed, settings.starts, "angular" in given.use, settings.brushes)
+            draws = (QUICK_DRAWS if self.quick else DRAWS) if self.by_fields else 0
+            self.begins = begins(settings.seed, settings.starts, "angular" in given.use, settings.brushes, draws)
         else:
             self.begins = [(name, np.array(theta, float), dict(extras)) for name, theta, extras in settings.begins]
         self.final: list[int] = []  # attempts that were judged to the end, the best first
-        # what fits leave over: noise of sighting is in it, so it is an upper bound
-        self.most_wander = EXTRAS["wander"][1]
+        self.most_wander = EXTRAS["wander"][1]  # what fits leave over, noise of sighting included: an upper bound
         self.interrupted, self.notes = False, []
         self.idle: list[str] = []  # attempts that were left out, since their animals hardly interact
 
@@ -206,7 +213,8 @@ class _Search:
             for k, (_, theta, extras) in enumerate(self.begins)
         ]
         random = [name.startswith("random") for name, _, _ in self.begins]
-        fits = np.array(random) if self.quick and any(random) else np.ones(len(random), bool)
+        draw = np.array([name.startswith("draw") for name, _, _ in self.begins])
+        fits = np.array(random) if self.quick and any(random) else ~draw
         count = int(fits.sum())
         self.say(0, count, np.nan, "descents")
         chosen = [task for task, fit in zip(tasks, fits, strict=True) if fit]
@@ -279,29 +287,46 @@ class _Search:
 
     def _judge(self, workers, which, seeds, held, text, over=None, dt=COARSE_DT):
         """Try some attempts; their scores."""
-        over = over or (0, len(which))
+        shown, total = over or (0, len(which))
         tasks = [
-            {
-                "theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras,
-                "seeds": list(seeds), "held": held, "dt": dt,
-            }
+            self._trial(k, seed, held, lasting, dt, 0 if held else turn)
             for k in which
-        ]  # fmt: skip
-        results = workers.map(attempt, tasks, lambda done: self.say(over[0] + done, over[1], self._best_score(), text))
+            for turn, seed in enumerate(seeds)
+            for lasting in (False, True)
+        ]
+        each = 2 * len(seeds)
+        told = lambda done: self.say(shown + done // each, total, self._best_score(), text)  # noqa: E731
+        found = workers.map(trial, tasks, told)
         self.budget -= self.cost * len(seeds) * len(which) * DT / dt
-        for k, result in zip(which, results, strict=True):
+        for at, k in enumerate(which):
+            runs = found[at * each : (at + 1) * each]
+            result = scored(list(zip(runs[::2], runs[1::2], strict=True)))
             self.attempts[k].score, self.attempts[k].figures = result["score"], result["figures"]
-        return np.array([result["score"] for result in results])
+        return np.array([self.attempts[k].score for k in which])
+
+    def _trial(self, k, seed, held, lasting, dt=COARSE_DT, begin=0):
+        """The task of one `trial`."""
+        a = self.attempts[k]
+        return {
+            "theta": np.round(a.theta, 12).tolist(), "extras": a.extras, "seed": seed, "held": held,
+            "lasting": lasting, "dt": dt, "begin": begin,
+        }  # fmt: skip
 
     def _best_score(self):
         scores = [a.score for a in self.attempts if np.isfinite(a.score)]
         return min(scores) if scores else np.nan
 
     def _sift(self, workers):
-        """Try all once, the better half again."""
-        which = self._interacting(workers, self._distinct())
-        scores = self._judge(workers, which, [_seed(self.seed, 2, 0)], False, "trials")
-        better = [which[k] for k in np.argsort(scores, kind="stable")[: max(4, len(which) // 3)]]
+        """Try all beside the clip, the better half to the end, and the best of these again."""
+        which, seed = self._interacting(workers, self._distinct()), _seed(self.seed, 2, 0)
+        self.say(0, len(which), np.nan, "trials")
+        beside = workers.map(trial, [self._trial(k, seed, False, False) for k in which])
+        far = [total(means_of(run)) for run in beside]
+        many, half = max(4, min(TWICE, len(which) // 3)), max(4, -(-len(which) // 2))
+        kept = [which[k] for k in np.argsort(far, kind="stable")[:half]]
+        scores = self._judge(workers, kept, [seed], False, "trials")
+        self.budget -= self.cost * (len(which) - len(kept)) * DT / COARSE_DT  # as if all had been tried to the end
+        better = [kept[k] for k in np.argsort(scores, kind="stable")[:many]]
         again = [_seed(self.seed, 2, k) for k in (0, 1, 2)]
         self._judge(workers, better, again, False, "trials of the best candidates")
         self.ranked = sorted(better, key=lambda k: self.attempts[k].score)
@@ -320,7 +345,7 @@ class _Search:
 
     def _evolve(self, workers):
         """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
-        parents = self.ranked[:2]
+        parents = self.ranked[: 1 if self.by_fields else 2]  # a draw is farther from where it leads to
         finalists, dt = self._finals
         staying = 0.0 if self.quick else self.cost_of_keeping * KEEPERS
         choice = self.cost * 2 * 3 * (finalists + 2 * len(parents)) * DT / dt + staying
@@ -333,7 +358,7 @@ class _Search:
     def _evolve_one(self, workers, parent, generations, number, many):
         begin = self.attempts[parent]
         code = Code(begin.theta, begin.extras, "angular" in self.given.use, self.most_wander)
-        cloud = Evolution(code.numbers, 0.05, GENERATION, (self.seed, 3, number))
+        cloud = Evolution(code.numbers, WIDE_STEP if self.by_fields else STEP, GENERATION, (self.seed, 3, number))
         worths, best = [begin.score], None
         for g in range(generations):
             asked = cloud.ask()
@@ -439,7 +464,7 @@ class _Search:
         return kept[max(near, key=lambda k: len(self.attempts[k].name))] if near else None
 
     def _alike(self, chosen):
-        """Those that are about as good, wherever they came from."""
+        """Those about as good, wherever they came from."""
         limit = 1.25 * self.attempts[chosen].score + 0.1
         return [self.attempts[chosen]] + [a for k, a in enumerate(self.attempts) if k != chosen and a.score <= limit]
 
@@ -466,28 +491,6 @@ class _Search:
 def _merit(attempt):
     """What finalists are chosen by: less is better."""
     return float(np.sqrt((1 - KEEPING) * attempt.score**2 + KEEPING * attempt.staying**2))
-
-
-def forces_of(theta, extras):
-    """(12,) theta with weights at the default Ω: only the product of the two is identifiable."""
-    out = np.array(theta, float)
-    out[0:12:3] *= extras.get("sensitivity", 10.0) / 10.0
-    return out
-
-
-def told_of(theta, spread, deviation=None):
-    """(12,) bool, identifiable numbers: those on which all equally good herds and the turns of animals agree.
-
-    A number at its bound is only known to lie there or beyond, and the ranges of a force that is weak beside the
-    others, may be none at all, or whose weight is not told, mean nothing.
-    """
-    theta = np.asarray(theta, float)
-    deviation = np.zeros(12) if deviation is None else np.asarray(deviation)
-    told = (spread < SURE) & (deviation < SURE) & (theta > 1.01 * LEAST) & (theta < MOST)
-    for k in range(0, 12, 3):
-        faint = theta[k] < max(3.0 * deviation[k], FAINT * theta[0:9:3].max())
-        told[k + 1 : k + 3] &= told[k] and not faint
-    return told
 
 
 def _seed(*numbers):

@@ -97,7 +97,7 @@ def _answer(clip, seen, brush):
     foretold = predicted(turns, theta, brush.params)
     alone = np.array(theta)
     alone[0:FORCES:3] = 0.0
-    by_forces = foretold[0] - predicted(turns, alone, brush.params)[0]
+    by_forces = foretold[0] - predicted(turns, alone, brush.params, False)[0]
     off, share, scatter = residuals(turns, foretold[0])
     weight = share / share.sum()
     slope = foretold[1][:, :FORCES]

@@ -87,6 +87,20 @@ class Findings:
                 lost.append(name)
         return ", ".join(lost)
 
+    def counts_sentence(self) -> str:
+        """What herds of other sizes do; "" if none were run."""
+
+        def not_kept(row):
+            strayed = self.strayed(row)
+            return f" (differs from the clip in {strayed})" if strayed else ""
+
+        told = "; ".join(
+            f"{r['animals']} animals: polarization {r['polarization']:.2f}, milling {r['milling']:.2f}, nearest "
+            f"neighbour {r['spacing']:.2f} BL{not_kept(r)}"
+            for r in self.counts
+        )
+        return f"On an endless plane, 10 to 20 s after a start like that of the clip: {told}." if told else ""
+
     def starts_sentence(self) -> str:
         """From which other starts herds come to the clip's polarization and milling; "" where that is not known."""
         if not self.starts or self.comparison is None or not self.motion:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -278,7 +279,7 @@ class PlaneHerd:
     body, vision : BodySpec, VisionSpec
         The body's radius counts as a share of its length.
     ids : (n,) int, optional
-        Entities, for noise; 1 to n unless told, as in a fresh world.
+        Entities, for noise; 1 to n by default, as in a fresh world.
     around : Surroundings
         Its gates are for `rollout`.
     """
@@ -325,7 +326,14 @@ class PlaneHerd:
         self.max_turn, self.views = np.full(n, self.params.max_turn), np.full(n, self.range)
         self.cosines, self.cap = np.full(n, self.cosine), np.full(n, np.inf)
         # all alike, of a body that can do anything, and driven by nothing
-        self.undriven = self.length, self.cap, self.cap, np.zeros(n), np.zeros(n), np.zeros(n, np.uint8)
+        undriven, on_foot = (self.length, self.cap, self.cap, np.zeros(n), np.zeros(n)), np.zeros(n, np.bool_)
+        self.walkers = Walkers(
+            on_foot, self.ids, self.length, self.none, self.cap, self.length, self.cap, self.zero, self.forward,
+            self.length, *undriven,
+        )  # fmt: skip
+        self.pace = PaceState(np.zeros(n, np.uint8), self.drawn, self.effort, self.target)
+        names = "forward", "length", "none", "leader", "known", "zero", "ids"
+        self.shown = SimpleNamespace(**{name: read_only(getattr(self, name)) for name in names})
 
     def __len__(self):
         return len(self.ids)
@@ -386,34 +394,30 @@ class PlaneHerd:
 
     def _wishes(self, rows, lists, walls_first, walls_offset, params):
         n = len(rows)
-        guidance = self.zero if self.guide is None else self.guide.at(self.time, self.xyz[:, :2])
+        shown = self.shown
+        guidance = shown.zero if self.guide is None else read_only(self.guide.at(self.time, self.xyz[:, :2]))
         direction, wish = np.zeros((n, 3)), np.empty((n, 3))
-        memory = self.memory - self.xyz[:, :2]
-        herd = frozen(HerdState(self.forward, self.length, self.none, self.leader, memory, self.known))
-        land = frozen(Land(walls_first, walls_offset, guidance, self.zero))
+        memory = read_only(self.memory - self.xyz[:, :2])
+        herd = HerdState(shown.forward, shown.length, shown.none, shown.leader, memory, shown.known)
+        land = Land(read_only(walls_first), read_only(walls_offset), guidance, shown.zero)
         herd_kernel(0, n, rows, self.dt, herd, frozen(ByRow(*lists)), land, self.forces, direction)
         if params.wander > 0.0:
             key = self.noise.key("wander", self.tick_number)
-            wander_kernel(0, n, rows, read_only(self.ids), key, params.wander * np.sqrt(self.dt), direction)
+            wander_kernel(0, n, rows, shown.ids, key, params.wander * np.sqrt(self.dt), direction)
         wish[rows] = direction
         return wish
 
     def _hurry(self, cells):
-        n, density, was = len(self.ids), self.cap, self.drawn.copy()
+        n, key, walkers = len(self.ids), self.noise.key, self.walkers
+        was = self.drawn.copy() if self.spec.stops > 0.0 else self.drawn
         if self.spec.by_density:
-            density = np.zeros(n)
-            crowding(0, n, cells, self.length, density)
-        *undriven, driven = self.undriven
-        walkers = Walkers(
-            self.none.astype(np.bool_), self.ids, self.length, self.none, density, self.length, self.cap, self.zero,
-            self.forward, self.length, *undriven,
-        )  # fmt: skip
-        state, key = PaceState(driven, self.drawn, self.effort, self.target), self.noise.key
-        _pace(0, n, walkers, self.pace_rules, key("speed", self.tick_number), self.dt, state)
+            walkers = walkers._replace(density=np.zeros(n))
+            crowding(0, n, cells, self.length, walkers.density)
+        _pace(0, n, walkers, self.pace_rules, key("speed", self.tick_number), self.dt, self.pace)
         if self.spec.stops > 0.0:
             walking = np.full(n, -1.0)
             company(0, n, cells, self.length, was, walking)
-            pause(0, n, walkers, self.pace_rules, was, walking, key("pause", self.tick_number), self.dt, state)
+            pause(0, n, walkers, self.pace_rules, was, walking, key("pause", self.tick_number), self.dt, self.pace)
 
 
 def rollout(start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0, seed=0, dt=DT, around=OPEN) -> Run:

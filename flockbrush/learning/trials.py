@@ -22,7 +22,16 @@ from flockbrush.learning.rollout import DT, Surroundings, params_of, rollout, th
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
-WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part", "neighbours", "spacing")
+WHERE_DENSITY_COUNTS = (
+    "aspect",
+    "spread",
+    "density",
+    "nearest neighbour",
+    "largest part",
+    "neighbours",
+    "spacing",
+    "pairs",
+)
 WHERE_ORDER_COUNTS = ("order nearby", "directions")
 FEWEST = 24  # frames, with fewer nothing is held back
 BEGINS = 0.0, 0.25, 0.5  # of the frames that are used, at which trials begin
@@ -196,30 +205,44 @@ def attempt(given: Setting, theta, extras, seeds, held, dt=COARSE_DT, begin=0):
     ``held``: on the frames held back and from the end on; else on those that may be seen, one seed from their
     beginning, the next from later on (`BEGINS`), ``begin`` for the first.
     """
-    parts = [
-        _tried(given, k, theta, extras, seed, held, dt, 0 if held else begin + turn)
-        for k in range(len(given.clips))
+    runs = [
+        [trial(given, theta, extras, seed, held, lasting, dt, 0 if held else begin + turn) for lasting in (False, True)]
         for turn, seed in enumerate(seeds)
     ]
-    figures = {}
-    for name in sorted({name for part in parts for name in part}):
-        values = [part[name] for part in parts if name in part]
-        figures[name] = float(np.mean(values))
-    clip = total({n: v for n, v in figures.items() if not n.startswith("lasting ")})
-    lasting = total({n: v for n, v in figures.items() if n.startswith("lasting ")})
-    return {"score": float(np.sqrt(0.5 * clip**2 + 0.5 * lasting**2)), "figures": figures}
+    return scored(runs)
 
 
-def _tried(given, k, theta, extras, seed, held, dt, begin):
+def scored(runs: Sequence[Sequence[list]]):
+    """{score, figures} of a candidate by its `trial`s: of each seed those beside the clip, then those that last."""
+    clip, lasting = (
+        means_of([part for parts in zip(*(run[k] for run in runs), strict=True) for part in parts]) for k in (0, 1)
+    )
+    score = float(np.sqrt(0.5 * total(clip) ** 2 + 0.5 * total(lasting) ** 2))
+    figures = clip | {f"lasting {name}": value for name, value in lasting.items()}
+    return {"score": score, "figures": dict(sorted(figures.items()))}
+
+
+def means_of(parts: Sequence[dict[str, float]]):
+    """The mean of each measure."""
+    names = sorted({name for part in parts for name in part})
+    return {name: float(np.mean([part[name] for part in parts if name in part])) for name in names}
+
+
+def trial(given: Setting, theta, extras, seed, held, lasting, dt=COARSE_DT, begin=0):
+    """How far a herd is from each clip, by measure: as long as the clip goes on, or ``lasting``, well beyond."""
+    return [_tried(given, k, theta, extras, seed, held, lasting, dt, begin) for k in range(len(given.clips))]
+
+
+def _tried(given, k, theta, extras, seed, held, lasting, dt, begin):
     clip, shown = given.clips[k], (given.held if held else given.seen)[k]
-    part, target = _from(shown, begin)
-    span = (len(part.fields) - 1) / part.fps
-    out = _compared(given, part, target, theta, extras, [seed, k, 0], 0, span, False, dt)
+    if not lasting:
+        part, target = _from(shown, begin)
+        span = (len(part.fields) - 1) / part.fps
+        return _compared(given, part, target, theta, extras, [seed, k, 0], 0, span, False, dt)
     whole = clip if held else shown
     length = float(np.clip(4.0 * len(whole.fields) / whole.fps, *BEYOND))
     target = _from(whole)[1]
-    on = _compared(given, whole, target, theta, extras, [seed, k, 1], len(whole.fields) - 1, length, True, dt)
-    return out | {f"lasting {name}": value for name, value in on.items()}
+    return _compared(given, whole, target, theta, extras, [seed, k, 1], len(whole.fields) - 1, length, True, dt)
 
 
 def _from(clip, begin=0):

@@ -1,4 +1,9 @@
-"""Kernels of the turns that a model expects of animals."""
+"""Kernels that predict the turns of observed animals by the herd model, with derivatives for the fit.
+
+The equations are those of `flockbrush.behaviours.models.herd` (Gong et al. 2025); theta (12,) holds weight, radial
+range and angular range of avoidance, cohesion, alignment and obstacle avoidance, ranges in 0 to 1. Lengths are in body
+lengths (BL).
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from flockbrush.engine.maths import atan2_, exp_, sincos_
+from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
+from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, store, total, where
+from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.learning.rollout import Gates
 from flockbrush.systems.contact import DEFLECT, SKIN, _nearest, towards_body_
 
@@ -19,7 +26,7 @@ JAMMED = 0.03  # BL of room between bodies below which one hinders the other in 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def room_kernel(percept, half, radius, free):
-    """The share of `JAMMED` that the nearest body leaves each animal, where it is less than `free` (n,) says."""
+    """Lower `free` (n,) to the gap to the nearest body divided by `JAMMED`, 0 to 1; `half` and `radius` in BL."""
     forward, first, near, offset = percept.forward, percept.first, percept.near, percept.offset
     for i in range(len(free)):
         for at in range(first[i], first[i + 1]):
@@ -35,7 +42,20 @@ def room_kernel(percept, half, radius, free):
 
 
 def is_inside(evidence, frames, reach):
-    """(n,) bool: whose surroundings are in the picture as far as it sees, where the picture cuts a herd."""
+    """Whether the surroundings of each sighting are inside the picture, if the picture shows only part of a herd.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    frames : iterable of int
+    reach : float
+        BL.
+
+    Returns
+    -------
+    (n,) bool ndarray
+        For all sightings of these frames, one after the other.
+    """
     seen, fields, cut = evidence.sightings, evidence.fields, Gates.of(evidence.fields) is not None
     out = []
     for t in frames:
@@ -49,7 +69,7 @@ def is_inside(evidence, frames, reach):
 
 
 class TurnLaw(NamedTuple):
-    """What says a turn besides theta."""
+    """Parameters of a turn other than theta."""
 
     sensitivity: float  # Ω, 1/s
     neighbour_range: float  # BL
@@ -58,7 +78,7 @@ class TurnLaw(NamedTuple):
 
 
 class Gaussians(NamedTuple):
-    """The forces' Gaussians, (4,) each: avoidance, cohesion, alignment, walls."""
+    """The Gaussians of the four forces, (4,) each: avoidance, cohesion, alignment, obstacles."""
 
     weight: np.ndarray
     # -(d² radial + b² angular) is the exponent at a distance d and bearing b
@@ -70,35 +90,64 @@ class Gaussians(NamedTuple):
 
 
 class ForceSums(NamedTuple):
-    """The sum of each force, then its derivatives by radial range, angular range and the heading, (4, 4) each."""
+    """Sum of each force, and its derivatives by radial range, angular range and heading, (4, 4) each."""
 
     x: np.ndarray
     y: np.ndarray
 
 
+# columns of neighbours, BL: where they begin, how they move, their headings and by how much these turn in a tick; 1 for
+# those of the same kind, and for all; and where they are, their distance and bearing, squared and plain
+X, Y, VX, VY, GX, GY, COSINE, SINE, KIN, ALL, AT_X, AT_Y, FAR2, ASIDE2, ASIDE = range(15)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_kernel(lo, hi, turns, theta, law, turn, slope):
-    """Some ticks of the herd model with the neighbours as they were seen, and the derivatives of the heading.
+    """Predict turns over some ticks with the neighbours as observed, and their derivatives by theta.
 
-    Of `Turns`, with theta (12,): ``turn`` (k,) rad, ``slope`` (k, 12).
+    Parameters
+    ----------
+    lo, hi : int
+        Rows of `Turns`.
+    turns : Turns
+    theta : (12,) ndarray
+    law : TurnLaw
+    turn : (k,) ndarray
+        Output, rad.
+    slope : (k, 12) ndarray
+        Output: derivatives of `turn`; with three dimensions nothing is written.
     """
-    forces, sums = _gaussians(theta), ForceSums(np.empty((4, 4)), np.empty((4, 4)))
+    forces, sums, sloped = _gaussians(theta), ForceSums(np.zeros((4, 4)), np.zeros((4, 4))), slope.ndim == 2
     d, dx, dy = np.empty(12), np.empty(12), np.empty(12)
     gain, forward = turns.dt * law.sensitivity, turns.percept.forward
+    social = sloped or forces.weight[:3].any()
+    near = _columns(lo, hi, turns.rows, turns.percept.first)
+    walls = _columns(lo, hi, turns.rows, turns.percept.walls_first)
     for k in range(lo, hi):
         i = turns.rows[k]
         start = atan2_(forward[i, 1], forward[i, 0])
         angle = start
         d[:] = 0.0
         left, s = turns.ticks[k], 0
+        many = _gather_neighbours(near, turns, i, law.neighbour_range) if social else 0
+        many_walls = _gather_walls(walls, turns, i)
         while left > 1e-9:
             share = min(left, 1.0)  # a part of a tick turns by its part
             time = s * turns.dt
             fy, fx = sincos_(angle)
-            sums.x[:], sums.y[:] = 0.0, 0.0
-            _add_neighbours(sums, forces, turns, i, time, fx, fy, law.neighbour_range)
-            _add_walls(sums, forces, turns, i, time, fx, fy)
-            hx, hy = _next_heading(sums, forces, gain, fx, fy, d, dx, dy)
+            if many:
+                _look_again(pointer(near), near.shape[1], many, time, fx, fy, s > 0)
+                _add(sums, forces, 0, near, many, AT_X, ALL, -1.0, sloped)
+                _add(sums, forces, 1, near, many, AT_X, KIN, 1.0, sloped)
+                _add(sums, forces, 2, near, many, GX, KIN, 1.0, sloped)
+            else:
+                sums.x[:3], sums.y[:3] = 0.0, 0.0
+            if many_walls:
+                _look_again(pointer(walls), walls.shape[1], many_walls, time, fx, fy, False)
+                _add(sums, forces, 3, walls, many_walls, AT_X, ALL, -1.0, sloped)
+            else:
+                sums.x[3], sums.y[3] = 0.0, 0.0
+            hx, hy = _next_heading(sums, forces, gain, fx, fy, d, dx, dy, sloped)
             if turns.radius > 0.0:
                 hx, hy = _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy)
             size = hx * hx + hy * hy
@@ -106,12 +155,13 @@ def turn_kernel(lo, hi, turns, theta, law, turn, slope):
                 change = atan2_(fx * hy - fy * hx, fx * hx + fy * hy)
                 change, passed = _limited(change, law.limit, law.drift)
                 angle += share * change
-                for q in range(12):
+                for q in range(12 if sloped else 0):
                     d[q] += share * passed * ((hx * dy[q] - hy * dx[q]) / size - d[q])
             left -= share
             s += 1
         turn[k] = angle - start
-        slope[k] = d
+        if sloped:
+            slope[k] = d
 
 
 @njit(inline="always")
@@ -126,57 +176,98 @@ def _gaussians(theta):
 
 
 @njit(inline="always")
-def _add(sums, forces, f, x, y, d2, b):
-    """Add a vector to the sum of a force, weighed by its Gaussian (eq. 4) at a squared distance and a bearing."""
-    w = exp_(-(d2 * forces.radial[f] + b * b * forces.angular[f]))
-    px, py = w * x, w * y
-    by_r, by_a, by_h = d2 * forces.by_radial[f], b * b * forces.by_angular[f], 2.0 * b * forces.angular[f]
-    sums.x[f, 0] += px
-    sums.y[f, 0] += py
-    sums.x[f, 1] += px * by_r
-    sums.y[f, 1] += py * by_r
-    sums.x[f, 2] += px * by_a
-    sums.y[f, 2] += py * by_a
-    sums.x[f, 3] += px * by_h
-    sums.y[f, 3] += py * by_h
+def _columns(lo, hi, rows, first):
+    """Room for the columns of the most neighbours, or walls, that one of these rows has."""
+    most = 1
+    for k in range(lo, hi):
+        most = max(most, first[rows[k] + 1] - first[rows[k]])
+    return np.empty((ASIDE + 1, (most + 2 * EIGHT) // EIGHT * EIGHT | EIGHT))
 
 
 @njit(inline="always")
-def _add_neighbours(sums, forces, turns, i, time, fx, fy, reach):
-    """Avoidance of all neighbours, cohesion and alignment with those of its kind."""
-    percept, velocity, spin = turns.percept, turns.velocity, turns.spin
+def _gather_neighbours(columns, turns, i, reach):
+    """Write down the neighbours of a row in reach; their number."""
+    percept, velocity, spin, n = turns.percept, turns.velocity, turns.spin, 0
     for at in range(percept.first[i], percept.first[i + 1]):
         j = percept.near[at]
         x, y = percept.offset[at, 0], percept.offset[at, 1]
         if x * x + y * y > reach * reach:
             continue
-        x += time * (velocity[j, 0] - velocity[i, 0])
-        y += time * (velocity[j, 1] - velocity[i, 1])
-        d2 = x * x + y * y
-        b = atan2_(fx * y - fy * x, fx * x + fy * y)
-        _add(sums, forces, 0, -x, -y, d2, b)
-        if percept.species[i] != percept.species[j]:
-            continue
-        _add(sums, forces, 1, x, y, d2, b)
-        gx, gy = percept.forward[j, 0], percept.forward[j, 1]
-        if spin[j] != 0.0 and time > 0.0:
-            sine, cosine = sincos_(spin[j] * time)
-            gx, gy = cosine * gx - sine * gy, sine * gx + cosine * gy
-        _add(sums, forces, 2, gx, gy, d2, b)
+        columns[X, n], columns[Y, n] = x, y
+        columns[VX, n], columns[VY, n] = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
+        columns[GX, n], columns[GY, n] = percept.forward[j, 0], percept.forward[j, 1]
+        sine, cosine = sincos_(spin[j] * turns.dt)
+        columns[COSINE, n], columns[SINE, n] = cosine, sine
+        columns[KIN, n] = 1.0 if percept.species[i] == percept.species[j] else 0.0
+        columns[ALL, n] = 1.0
+        n += 1
+    columns[:ASIDE, n : n + EIGHT] = 0.0  # behind the last stands nobody
+    return n
 
 
 @njit(inline="always")
-def _add_walls(sums, forces, turns, i, time, fx, fy):
-    """Avoidance of the nearest points of walls."""
-    percept, velocity = turns.percept, turns.velocity
+def _gather_walls(columns, turns, i):
+    """Write down the nearest points of walls of a row; their number."""
+    percept, velocity, n = turns.percept, turns.velocity, 0
     for at in range(percept.walls_first[i], percept.walls_first[i + 1]):
-        x = percept.walls_offset[at, 0] - time * velocity[i, 0]
-        y = percept.walls_offset[at, 1] - time * velocity[i, 1]
-        _add(sums, forces, 3, -x, -y, x * x + y * y, atan2_(fx * y - fy * x, fx * x + fy * y))
+        columns[X, n], columns[Y, n] = percept.walls_offset[at, 0], percept.walls_offset[at, 1]
+        columns[VX, n], columns[VY, n] = -velocity[i, 0], -velocity[i, 1]
+        columns[ALL, n] = 1.0
+        n += 1
+    columns[:ASIDE, n : n + EIGHT] = 0.0
+    return n
+
+
+@lane_function
+def _look_again(column, step, n, time, fx, fy, on):
+    """Where the neighbours are after a time; ``on``: their headings have turned for another tick."""
+    for q in range(0, n, EIGHT):
+        x = fused(load8(column, VX * step + q), splat8(time), load8(column, X * step + q))
+        y = fused(load8(column, VY * step + q), splat8(time), load8(column, Y * step + q))
+        cross = y * fx - x * fy
+        aside2 = square_of_angle(cross, fused(x, splat8(fx), y * fy))
+        aside = root(aside2)
+        store(column, AT_X * step + q, x)
+        store(column, AT_Y * step + q, y)
+        store(column, FAR2 * step + q, fused(x, x, y * y))
+        store(column, ASIDE2 * step + q, aside2)
+        store(column, ASIDE * step + q, where(cross < 0.0, splat8(0.0) - aside, aside))
+        if on:
+            gx, gy = load8(column, GX * step + q), load8(column, GY * step + q)
+            cosine, sine = load8(column, COSINE * step + q), load8(column, SINE * step + q)
+            store(column, GX * step + q, cosine * gx - sine * gy)
+            store(column, GY * step + q, sine * gx + cosine * gy)
 
 
 @njit(inline="always")
-def _next_heading(sums, forces, gain, fx, fy, d, dx, dy):
+def _add(sums, forces, f, columns, n, what, whose, sign, sloped):
+    """The sum of a force: two columns, weighed by its Gaussians (eq. 4), of those whose column is 1."""
+    r, a = forces.radial[f], forces.angular[f]
+    px, py, rx, ry, ax, ay, hx, hy = _weighed(pointer(columns), columns.shape[1], n, what, whose, r, a, sloped)
+    sums.x[f, 0], sums.y[f, 0] = sign * px, sign * py
+    sums.x[f, 1], sums.y[f, 1] = sign * rx * forces.by_radial[f], sign * ry * forces.by_radial[f]
+    sums.x[f, 2], sums.y[f, 2] = sign * ax * forces.by_angular[f], sign * ay * forces.by_angular[f]
+    sums.x[f, 3], sums.y[f, 3] = sign * hx * 2.0 * a, sign * hy * 2.0 * a
+
+
+@lane_function
+def _weighed(column, step, n, what, whose, radial, angular, sloped):
+    """Weighed sums of two columns, plain and by the squared distance, the squared bearing, and the bearing."""
+    px = py = rx = ry = ax = ay = hx = hy = splat8(0.0)
+    for q in range(0, n, EIGHT):
+        far2, aside2 = load8(column, FAR2 * step + q), load8(column, ASIDE2 * step + q)
+        w = load8(column, whose * step + q) * exponential(splat8(0.0) - fused(far2, splat8(radial), aside2 * angular))
+        x, y = w * load8(column, what * step + q), w * load8(column, (what + 1) * step + q)
+        px, py = px + x, py + y
+        if sloped:
+            aside = load8(column, ASIDE * step + q)
+            rx, ry, ax, ay = fused(x, far2, rx), fused(y, far2, ry), fused(x, aside2, ax), fused(y, aside2, ay)
+            hx, hy = fused(x, aside, hx), fused(y, aside, hy)
+    return total(px), total(py), total(rx), total(ry), total(ax), total(ay), total(hx), total(hy)
+
+
+@njit(inline="always")
+def _next_heading(sums, forces, gain, fx, fy, d, dx, dy, sloped):
     """Eqs. 3 and 2: the wished heading, and its derivatives into ``dx`` and ``dy``, those of the angle being ``d``."""
     weight = forces.weight
     hx, hy, own_x, own_y = fx, fy, -fy, fx
@@ -185,7 +276,7 @@ def _next_heading(sums, forces, gain, fx, fy, d, dx, dy):
         hy += gain * weight[f] * sums.y[f, 0]
         own_x += gain * weight[f] * sums.x[f, 3]
         own_y += gain * weight[f] * sums.y[f, 3]
-    for f in range(4):
+    for f in range(4 if sloped else 0):
         for c in range(3):
             scale = gain if c == 0 else gain * weight[f]
             dx[3 * f + c] = scale * sums.x[f, c] + own_x * d[3 * f + c]
@@ -195,7 +286,7 @@ def _next_heading(sums, forces, gain, fx, fy, d, dx, dy):
 
 @njit(inline="always")
 def _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy):
-    """The heading that bodies leave to whom they touch, as in `flockbrush.systems.contact`, with its derivatives."""
+    """The heading after deflection by touching bodies, as in `flockbrush.systems.contact`, with derivatives."""
     percept, velocity, half, touch = turns.percept, turns.velocity, turns.half, 2.0 * turns.radius
     touch_far = ((1.0 + SKIN) * touch + 2.0 * half) ** 2
     for at in range(percept.first[i], percept.first[i + 1]):
@@ -217,7 +308,11 @@ def _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy):
 
 @njit(inline="always")
 def aside_of_(fx, fy, half, x, y, gx, gy, touch):
-    """Unit vector to a body at (x, y), and the share of a heading into it that it takes away; zeros where it is far."""
+    """Unit vector to a body at (x, y) BL, and the share of a heading towards it that contact removes; 0 when far.
+
+    The bodies have headings (fx, fy) and (gx, gy) and axes of half-length `half`; `touch` is the distance at contact
+    (BL).
+    """
     ox, oy, far, room = towards_body_(x, y, fx, fy, half, gx, gy, half, touch)
     if room <= 0.0:
         return 0.0, 0.0, 0.0
@@ -226,7 +321,7 @@ def aside_of_(fx, fy, half, x, y, gx, gy, touch):
 
 @njit(inline="always")
 def _limited(change, limit, drift):
-    """A turn that wanders by ``drift`` rad and is then limited, on average; and its derivative by the turn."""
+    """Expected turn (rad) after noise of standard deviation `drift` and a limit, and its derivative by the turn."""
     if drift <= 1e-9:
         if abs(change) <= limit:
             return change, 1.0

@@ -183,14 +183,15 @@ def all_turns(parts) -> Turns:
 # the model's turns -----------------------------------------------------------------------
 
 
-def predicted(turns: Turns, theta, params=None):
+def predicted(turns: Turns, theta, params=None, sloped=True):
     """Turns as the model says on average, (k,) rad, and their derivatives by theta, (k, 12).
 
-    ``params`` has what theta has not: Ω, range, wander and the limit of turning.
+    ``params`` has what theta has not: Ω, range, wander and the limit of turning.  Without ``sloped`` the derivatives
+    are empty.
     """
     params = params or Params()
     k = len(turns.rows)
-    turn, slope = np.empty(k), np.empty((k, 12))
+    turn, slope = np.empty(k), np.empty((k, 12) if sloped else (0, 0, 12))
     limit, drift = params.max_turn * turns.dt, params.wander * turns.dt**0.5
     law = TurnLaw(params.sensitivity, params.neighbour_range, limit, drift)
     over_rows(turn_kernel, k, turns, np.asarray(theta, float), law, turn, slope, chunk=512)
@@ -320,7 +321,7 @@ class _Judged(NamedTuple):
 
 def likelihood(turns: Turns, foretold) -> float:
     """Logarithm of the likelihood a turn, of turns as `predicted` says them, at the spread that is likeliest."""
-    return -_judged(turns, foretold, None).loss
+    return -_loss(turns, *residuals(turns, foretold[0])[::2])
 
 
 def residuals(turns: Turns, foretold, spread=None):
@@ -355,11 +356,13 @@ def _judged(turns, foretold, spread):
     """How likely the turns are, by Student's t, and the normal equations."""
     turn, slope = foretold
     off, share, spread = residuals(turns, turn, spread)
-    total = turns.weight.sum()
-    tail = np.log1p((off / spread) ** 2 / FREEDOM)
-    loss = float((turns.weight * (FREEDOM + 1.0) / 2 * tail).sum() / total + np.log(spread))
     weighed = slope * (share / spread**2)[:, None]
-    return _Judged(loss, spread, weighed.T @ off, weighed.T @ slope)
+    return _Judged(_loss(turns, off, spread), spread, weighed.T @ off, weighed.T @ slope)
+
+
+def _loss(turns, off, spread):
+    tail = np.log1p((off / spread) ** 2 / FREEDOM)
+    return float((turns.weight * (FREEDOM + 1.0) / 2 * tail).sum() / turns.weight.sum() + np.log(spread))
 
 
 def _step(theta, now, free, damping):

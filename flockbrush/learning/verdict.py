@@ -16,6 +16,7 @@ import numpy as np
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, Battery, BatteryRow, Series, looks_of_run
+from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.likelihood import likelihoods, read
 from flockbrush.learning.response import response
@@ -186,7 +187,7 @@ def _trend(battery, name):
 
 def judge(
     clip: Evidence, brush, rivals: Mapping[str, object], *, name="the brush", seed=0, runs=RUNS,
-    say: Callable[[int, int], None] | None = None,
+    say: Callable[[int, int], None] | None = None, helpers: Helpers | None = None,
 ) -> Judgement:  # fmt: skip
     """Compare a brush with a clip it was not learned from, and with rivals.
 
@@ -200,18 +201,23 @@ def judge(
         Besides those that are always used: no motion, constant velocities, random parameters.
     say : callable, optional
         (how many are done, of how many).
+    helpers : Helpers, optional
+        Processes that do a part of it.
     """
     battery = Battery.of(clip)
     seeds = [seed + k for k in range(runs)]
-    mine = contend(battery, name, brush, seeds, seeds[:LONG_RUNS])
     others: dict[str, object] = {**IDLE, RANDOM: random_numbers(brush), **rivals}
-    tried = []
-    for k, (other, herd) in enumerate(others.items()):
+    tasks: list[tuple] = [(battery, name, brush, seeds, seeds[:LONG_RUNS])]
+    for other, herd in others.items():
         always = isinstance(herd, bool)
         runs_of_it = [1000 + seed] if always else [1000 + seed + r for r in range(RIVAL_RUNS)]
-        tried.append(contend(battery, other, herd, runs_of_it, [seed] if always else ()))
+        tasks.append((battery, other, herd, runs_of_it, [seed] if always else ()))
+    found: dict[int, Contender] = {}
+    for k, contender in (helpers or Helpers()).run(contend, tasks):
+        found[k] = contender
         if say is not None:
-            say(k + 1, len(others))
+            say(len(found) - 1, len(others))
+    mine, *tried = (found[k] for k in range(len(tasks)))
     seconds, count = len(clip.fields) / clip.fps, float(np.nanmedian(clip.fields.count))
     return concluded(mine, tried, seconds, count, clip.doubt)
 

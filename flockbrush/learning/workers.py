@@ -10,43 +10,39 @@ import copy
 import hashlib
 import importlib
 import json
-import os
-import signal
+import pickle
 import time
 import uuid
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.plain_json import read_json
 from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.learning.helpers import Helpers
 from flockbrush.runs.builds import build_of_worker
 from flockbrush.runs.cluster import OtherCode, let_go, work_as
 
 KEEP_EVERY = 5.0  # s of work that a program which is killed, or a machine that goes down, may lose
-_given = None  # what all tasks of a process are given
-_shared: dict[str, object] = {}  # the same of a worker of a cluster, by name: the last one
+_shared: dict[str, object] = {}  # what all tasks are given, by name: the last one
 
 
 class WorkStopped(Exception):
     """The work was stopped; what was done is kept."""
 
 
-def _receive(given):
-    global _given
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all; the parent hears it, and ends the work
-    os.environ["FLOCKBRUSH_THREADS"] = "1"
-    _given = given
-
-
-def _work(module, name, arguments):
-    return getattr(importlib.import_module(module), name)(_given, **arguments)
+def _work_beside(path, module, name, arguments):
+    """A task for a process beside this one: what all tasks are given lies in a file."""
+    if path not in _shared:
+        _shared.clear()
+        _shared[path] = pickle.loads(Path(path).read_bytes())
+    return getattr(importlib.import_module(module), name)(_shared[path], **arguments)
 
 
 def _work_elsewhere(given_as, given, module, name, arguments):
-    """As `_work`, by a worker that somebody else started; arrays that came over the network must not be written to."""
+    """The same, by a worker that somebody else started; arrays that came over the network must not be written to."""
     if given_as not in _shared:
         _shared.clear()
         _shared[given_as] = copy.deepcopy(given)
@@ -60,8 +56,8 @@ class Workers:
     ----------
     given : object
         What every task gets as its first argument; it is sent to each process once.
-    jobs : int
-        Processes; 1 does the work here.
+    jobs : int or Helpers
+        Processes, this one among them.
     signature : str
         Of everything the results depend on besides the tasks' arguments.
     path : path, optional
@@ -78,7 +74,10 @@ class Workers:
     """
 
     def __init__(self, given, jobs=1, signature="", path=None, stop=None, cluster=None):
-        self.given, self.jobs, self.signature, self.stop, self.cluster = given, jobs, signature, stop, cluster
+        self.given, self.signature, self.stop, self.cluster = given, signature, stop, cluster
+        self.own = not isinstance(jobs, Helpers)
+        self.helpers: Helpers = Helpers(jobs) if self.own else jobs
+        self.folder: TemporaryDirectory | None = None
         self.path = Path(path) if path else None
         self.pool: Executor | None = None
         self.known, self.kept = self._read(), time.monotonic()
@@ -105,6 +104,10 @@ class Workers:
     def __exit__(self, *error):
         if self.pool is not None:
             let_go(self.pool, wait=error[0] is None)
+        if self.own:
+            self.helpers.__exit__(*error)
+        if self.folder is not None:
+            self.folder.cleanup()
 
     def map(self, function, tasks, done=None):
         """Results of ``function(given, **task)``, in the order of the tasks.
@@ -126,8 +129,7 @@ class Workers:
         """
         keys = [_key(function, task) for task in tasks]
         fresh = [k for k, key in enumerate(keys) if key not in self.known]
-        alone = self.jobs == 1 and self.cluster is None
-        results = (self._here if alone else self._there)(function, tasks, fresh)
+        results = (self._here if self.cluster is None else self._there)(function, tasks, fresh)
         count = len(tasks) - len(fresh)
         try:
             for k, result in results:
@@ -146,9 +148,25 @@ class Workers:
             raise WorkStopped
 
     def _here(self, function, tasks, fresh):
-        for k in fresh:
-            self._asked_to_stop()
-            yield k, function(self.given, **tasks[k])
+        if self.helpers.jobs == 1 or len(fresh) < 2:
+            for k in fresh:
+                self._asked_to_stop()
+                yield k, function(self.given, **tasks[k])
+            return
+        todo = [(self._given_at(), function.__module__, function.__name__, tasks[k]) for k in fresh]
+        for k, result in self.helpers.run(_work_beside, todo, self._asked_to_stop):
+            yield fresh[k], result
+
+    def _given_at(self) -> str:
+        """The file in which processes find what all tasks are given; this one has it."""
+        if self.folder is None:
+            self.folder = TemporaryDirectory(prefix="flockbrush-")
+            (Path(self.folder.name) / "given").write_bytes(pickle.dumps(self.given))
+        path = str(Path(self.folder.name) / "given")
+        if path not in _shared:
+            _shared.clear()
+            _shared[path] = self.given
+        return path
 
     def _there(self, function, tasks, fresh):
         if not fresh:
@@ -169,11 +187,6 @@ class Workers:
                     raise refused(self.name, f"{reason}; finished work is kept; continue with --resume") from None
 
     def _open(self):
-        if self.cluster is None:
-            pool = ProcessPoolExecutor(self.jobs, get_context("spawn"), initializer=_receive, initargs=(self.given,))
-            self.pool, self.submit = pool, partial(pool.submit, _work)
-            self.name, self.gone = "a learning process", (BrokenExecutor,)
-            return
         shared = self.cluster.share(self.given)
         self.pool, code = self.cluster.open(), build_of_worker().code
         self.submit = partial(self.pool.submit, work_as, code, _work_elsewhere, uuid.uuid4().hex, shared)

@@ -9,11 +9,12 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.film import clip_layers as layers
 from flockbrush.film.bird_marks import Birds, Follower
 from flockbrush.film.body_marks import body_mask, colour_at
+from flockbrush.film.camera_maps import back, moved_by
 from flockbrush.film.clip_document import Book
 from flockbrush.film.clip_frames import Film, Sky
 from flockbrush.film.clip_jobs import ClipJob
 from flockbrush.film.flight_sketch import FlightSketch
-from flockbrush.film.landmarks import Landmark, back, between, followed, motion, moved
+from flockbrush.film.landmarks import Landmark, between, followed, motion
 from flockbrush.film.tracks import read_marks, read_tracks
 from flockbrush.lifting.lens import Camera
 from flockbrush.lifting.lift_solver import lift
@@ -146,8 +147,8 @@ def test_two_landmarks_tell_shift_turn_and_size():
     at = np.array([[10.0, 20], [110, 60]])
     boxes = [np.array([[*a, 0, 0], [*(turn @ a + (5, 7)), 0, 0]]) for a in at]
     matrix = motion(boxes, 0, 1)
-    assert np.allclose(moved(matrix, [[50, 50]]), [turn @ (50, 50) + (5, 7)])
-    assert np.allclose(moved(back(matrix), moved(matrix, at)), at)
+    assert np.allclose(moved_by(matrix, [[50, 50]]), [turn @ (50, 50) + (5, 7)])
+    assert np.allclose(moved_by(back(matrix), moved_by(matrix, at)), at)
     assert np.allclose(motion(boxes[:1], 0, 1)[:, 2], boxes[0][1, :2] - at[0])
     assert motion([], 0, 1) is None and np.allclose(motion([], 3, 3), np.eye(2, 3))
 
@@ -155,7 +156,7 @@ def test_two_landmarks_tell_shift_turn_and_size():
 def test_a_rectangle_is_kept_within_the_picture_and_a_click_is_none():
     assert between(3, (50, 60), (-20, 10), (320, 180)) == (3, 0, 10, 50, 50)
     assert between(3, (50, 60), (52, 61), (320, 180)) is None
-    assert Landmark(3, 0, 10, 50, 50).told == "3:0,10,50,50"
+    assert Landmark(3, 0, 10, 50, 50).argument == "3:0,10,50,50"
 
 
 def test_the_bodys_colour_finds_the_bodies():

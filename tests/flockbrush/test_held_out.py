@@ -9,7 +9,8 @@ from benchmarks import herd_film
 from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import Camera, Look, shoot
 from flockbrush.film.observations import SIGHT_COLUMNS
-from flockbrush.film.open_clip import Looking, look_at, looked_apart
+from flockbrush.film.open_clip import Looking, look_at, looked_apart, training_begun
+from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.recipe import SearchSettings, learn
 
 FRAMES = 40
@@ -48,6 +49,19 @@ def test_held_out_frames_change_nothing_of_the_brush_that_they_judge(parts):
     brushes = [learn(clip, SearchSettings(seed=1, starts=1, budget_s=0.05, brushes=False)) for clip in (one, other)]
     first, second = ((b.theta.tolist(), b.extras, b.speed, b.body, b.vision) for b in brushes)
     assert first == second
+
+
+def test_a_part_that_a_helper_observes_is_the_same(mill, parts):
+    path, how = mill[0], Looking()
+    with Helpers(2) as helpers:
+        begun = training_begun(path, how, 0.5, True, helpers)
+        both = looked_apart(path, how, look_at(path, how), 0.5, True, begun)
+    here = [parts[0], *looked_apart(path, how, look_at(path, how), 0.5, True)[1:]]
+    assert len(both) == len(begun) == 2
+    for (there, _), (one, _) in zip(both, here, strict=True):
+        assert there.fields.frames.tolist() == one.fields.frames.tolist()
+        assert np.array_equal(there.fields.density, one.fields.density, equal_nan=True)
+        assert np.array_equal(there.sightings.xy, one.sightings.xy)
 
 
 def test_both_parts_are_measured_in_the_same_body_length(parts):

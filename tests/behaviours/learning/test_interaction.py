@@ -49,14 +49,14 @@ def test_who_hardly_interacts_is_idle_only_where_the_clip_shows_interaction():
 def test_a_herd_without_interaction_is_not_learned_though_its_trials_are_the_best(grazing, monkeypatch):
     """Some seconds of order and turning need no interaction: here every trial is better the less there is of it."""
 
-    def judged(given, theta, extras, seeds, held, dt=0.0, begin=0):
-        return {"score": float(sum(theta[0:9:3])), "figures": {}}
+    def judged(given, theta, extras, seed, held, lasting, dt=0.0, begin=0):
+        return [{"spread": float(sum(theta[0:9:3]))}]
 
     clip, brush = grazing
     nobody = theta_of(brush.params)
     nobody[0:9:3] = 1e-3
     begins = [("nobody", nobody, {"wander": 0.3, **EXTRAS}), ("random 1", theta_of(brush.params), EXTRAS)]
-    monkeypatch.setattr(recipe, "attempt", judged)
+    monkeypatch.setattr(recipe, "trial", judged)
     found = recipe.learn(clip, recipe.SearchSettings(seed=1, budget_s=0.5, begins=begins))
     assert max(found.theta[0:9:3]) * found.extras.get("sensitivity", 10.0) > 1.0
     assert any("hardly react to neighbours" in note for note in found.notes)

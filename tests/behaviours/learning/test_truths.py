@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import benchmarks.learning_truth as study
-from flockbrush.learning.recipe import SearchSettings, forces_of, learn, told_of
+from flockbrush.learning.learned_parameters import forces_of, told_of
+from flockbrush.learning.recipe import SearchSettings, learn
 from flockbrush.learning.rollout import theta_of
 
 
