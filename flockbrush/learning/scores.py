@@ -332,10 +332,10 @@ class ClipTarget:
             return cls(*told)
         pairs = np.asarray(evidence.fields.pairs)[::every]
         usual, third = mean_pairs(pairs), max(1, len(pairs) // 3)
-        scale = max(float(np.mean([pairs_off(row, usual) for row in pairs])), FLOOR)
+        apart = max(float(np.mean([pairs_off(row, usual) for row in pairs])), FLOOR)
         first, last = mean_pairs(pairs[:third]), mean_pairs(pairs[-third:])
-        share = pairs_off(first, last) ** 2 / (pairs_off(first, last) ** 2 + scale**2)
-        return cls(*told, usual, usual + share * (last - usual), scale)
+        share = pairs_off(first, last) ** 2 / (pairs_off(first, last) ** 2 + apart**2)
+        return cls(*told, usual, usual + share * (last - usual), apart)
 
 
 def _in_the_end(values, mean, scale):
