@@ -52,7 +52,8 @@ COUNTS = {
 }
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
-WITHIN = np.array([2, 3, 4, 5, 7, 11])  # rings of `flockbrush.film.pair_density`, up to which others are counted
+NEAREST = 3  # ring of `flockbrush.film.pair_density` from which on others are counted: nearer, pixels blur the body
+WITHIN = np.array([3, 4, 5, 7, 11])  # rings up to which they are
 FEW = 0.2  # others, below which shares mean nothing
 KNOWN = 0.5  # of its moments a measure must be told in to count
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
@@ -368,7 +369,8 @@ def mean_pairs(rows) -> np.ndarray:
 def pairs_off(a, b) -> float:
     """How unlike the numbers of others within some distances of a body are, as shares: 0 the same, 2 nothing alike."""
     both = np.isfinite(a) & np.isfinite(b)
-    one, other = (np.maximum(np.cumsum(np.where(both, n, 0.0) * AREA)[WITHIN] - 1.0, 0.0) for n in (a, b))
+    both[:NEAREST] = False
+    one, other = (np.cumsum(np.where(both, n, 0.0) * AREA)[WITHIN] for n in (a, b))
     return float(np.mean(2 * np.abs(one - other) / (one + other + FEW)))
 
 
