@@ -142,8 +142,8 @@ class AddAnimals:
         if self.program:
             world.resource(Programs).named(self.program)
         fauna = world.resource(SpeciesList)
-        named = SpeciesList([self.species], fauna.library)  # it may be new to this world
-        why = cannot(world.resource(Palette), named, self.brush, self.species)
+        species = SpeciesList([self.species], fauna.library)  # it may be new to this world
+        why = cannot(world.resource(Palette), species, self.brush, self.species)
         need(not why, why)
         need(self.radius > 0, f"radius must be above 0 m, got {self.radius:g}")
         need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")

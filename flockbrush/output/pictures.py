@@ -51,22 +51,22 @@ def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, 
     """A painter for a running world: of the plan with the level's proportions unless a size is given, or of space.
 
     `azimuth` and `elevation`, in degrees, say from where one looks in space: counter-clockwise from east, and upwards;
-    flocks in the air are looked at from lower down than herds on the ground unless told.  `clean` leaves out words,
+    flocks in the air are looked at from lower down than herds on the ground by default.  `clean` leaves out words,
     trails and all that only the designer sees, and dust and ripples behind the animals, as does `dust` = False.
     """
     from flockbrush.render import Painter, Scenery
     from flockbrush.render.scenery import BareScenery
 
     scenery = BareScenery(simulation) if clean else Scenery(simulation)
-    drawn = {"words": False, "trails": None} if clean else {}
+    options = {"words": False, "trails": None} if clean else {}
     if view != "space":
         size = size or picture_size(simulation.level, words=0 if clean else WORDS)
-        plan = Painter(scenery, size=size, theme=theme, **drawn)
+        plan = Painter(scenery, size=size, theme=theme, **options)
         plan.dust = dust and not clean
         return plan
     from flockbrush.render.space_view import SpacePainter
 
-    painter = SpacePainter(scenery, size or IN_SPACE, theme, **drawn)
+    painter = SpacePainter(scenery, size or IN_SPACE, theme, **options)
     painter.dust, painter.bare = dust and not clean, clean
     if elevation is None:
         agents = simulation.agents

@@ -65,15 +65,15 @@ class Limbs(NamedTuple):
     @classmethod
     def of(cls, looks):
         """Of species with these looks."""
-        found = [mesh_of(look) for look in looks]
+        meshes = [mesh_of(look) for look in looks]
 
         def stride(clip):
-            return np.array([mesh.strides[clip].length if clip in mesh.strides else np.nan for mesh in found])
+            return np.array([mesh.strides[clip].length if clip in mesh.strides else np.nan for mesh in meshes])
 
         return cls(
             np.array([list(LOOKS).index(look) for look in looks], np.int64), stride("walk"), stride("run"),
-            np.array(["swim" in mesh.clips for mesh in found], bool),
-            np.array(["fly" in mesh.clips for mesh in found], bool),
+            np.array(["swim" in mesh.clips for mesh in meshes], bool),
+            np.array(["fly" in mesh.clips for mesh in meshes], bool),
         )  # fmt: skip
 
 

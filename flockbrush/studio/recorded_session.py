@@ -165,7 +165,7 @@ def open_recorded(path, state_folder=None) -> Session:
     finally:
         simulation.close()
     home = shelter.folder / FOLDER / run.header["level"]
-    session = RecordedSession(home, timeline, shelter, [SessionNotice("info", _told(run))])
+    session = RecordedSession(home, timeline, shelter, [SessionNotice("info", _opening_notice(run))])
     session.lent, session.library, session.unpacked = True, library, files
     session._file = LevelFile(home, level.files[level.path.name])
     session._edit()
@@ -197,7 +197,7 @@ def unpacked(run, folder) -> tuple[Path, ...]:
     return tuple(files)
 
 
-def _told(run):
+def _opening_notice(run):
     seconds = run.last_tick * run.header["dt"]
     text = f"recording {Path(run.path).name}: {seconds:g} s. Drag in the time bar; a change starts a branch"
     text = f"{text}. Press D to edit recorded animals for exports"

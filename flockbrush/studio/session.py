@@ -81,7 +81,7 @@ class Session(Going, Keeping):
         record : path, optional
             Record the run there, and each branch in a file of its own beside it.
         state_folder : path, optional
-            Where what a crash must not take is kept; `recovery.state_folder` unless told.
+            Where what a crash must not take is kept; `recovery.state_folder` by default.
 
         Raises
         ------
@@ -149,12 +149,12 @@ class Session(Going, Keeping):
 
         What they left of sessions without unsaved work goes to the trash.  ``tell`` is told what was set aside.
         """
-        found = leftovers(None if name is None else running.find_level(name), state_folder, tell)
-        wanted = [left for left in found if left.unsaved]
-        for left in found:
-            if left not in wanted:
+        sessions = leftovers(None if name is None else running.find_level(name), state_folder, tell)
+        unsaved = [left for left in sessions if left.unsaved]
+        for left in sessions:
+            if left not in unsaved:
                 left.discard()
-        return wanted
+        return unsaved
 
     def _edit(self):
         """Begin to edit the level's file on a branch that has just begun."""
@@ -329,14 +329,14 @@ class Session(Going, Keeping):
     def _go(self, budget_s):
         deadline = math.inf if budget_s is None else time.perf_counter() + budget_s
         try:
-            there = self.timeline.go_to(self._goal, deadline)
+            arrived = self.timeline.go_to(self._goal, deadline)
         except WentWrong as error:
             self._stop(str(error))
-            there = True  # as near as one can come
-        if there:
+            arrived = True  # as near as one can come
+        if arrived:
             self._goal = None
         self._look()
-        return there
+        return arrived
 
     def _finish(self):
         """Be where a scrub wanted to be."""

@@ -122,9 +122,9 @@ class Going:
         self._behind, self._passed = 0.0, 0
         self.set_off(budget_s)
         self._collect()
-        done, self._passed = self._passed, 0
-        self._pace.passed(0.0, done * self.scene.clock.dt)
-        return done
+        ticks, self._passed = self._passed, 0
+        self._pace.passed(0.0, ticks * self.scene.clock.dt)
+        return ticks
 
     def catch_up(self, wall_seconds, budget_s, patience_s=None):
         """Let real time pass, have the ticks that ran beside, and go on with a scrub; whether the world stands still.
@@ -139,7 +139,7 @@ class Going:
         budget_s : float
             Seconds that a scrub may take.
         patience_s : float, optional
-            Seconds to wait for ticks that still run; as long as they take unless told.  While they run, nobody who
+            Seconds to wait for ticks that still run; as long as they take by default.  While they run, nobody who
             has no time to wait may ask for the world: `simulation`, `timeline` and all that comes from there.
         """
         if self._beside.is_done(patience_s):
@@ -149,8 +149,8 @@ class Going:
         elif self.playing:
             self._behind = wall_seconds * self._rate / self.scene.clock.dt
             self._owed += self._behind
-            done, self._passed = self._passed, 0
-            self._pace.passed(wall_seconds, done * self.scene.clock.dt)
+            ticks, self._passed = self._passed, 0
+            self._pace.passed(wall_seconds, ticks * self.scene.clock.dt)
         return not self._beside.busy
 
     def set_off(self, budget_s):

@@ -233,12 +233,12 @@ class Timeline:
         WentWrong
             When a tick of the past cannot be lived again; the world is at the last kept moment before it.
         """
-        tick, here = min(max(int(tick), 0), self.current.last_tick), self.tick
+        tick, now = min(max(int(tick), 0), self.current.last_tick), self.tick
         start = self._nearest(tick)
-        if not here <= tick or start > here:
+        if not now <= tick or start > now:
             self._leave()
             self._stand(start)
-            self.moved += [box for _, box in between(self.current.changes, min(here, start), max(here, start))]
+            self.moved += [box for _, box in between(self.current.changes, min(now, start), max(now, start))]
         while self.tick < tick:
             if time.perf_counter() > deadline:
                 self.settle()
@@ -269,8 +269,8 @@ class Timeline:
 
     def _stand(self, tick):
         """Put a kept moment of the current branch into the world."""
-        kept = self.current.keyframes if self.current.keyframes.cut(tick) is not None else self._near
-        restore(self.simulation.world, kept[tick])
+        snapshots = self.current.keyframes if self.current.keyframes.cut(tick) is not None else self._near
+        restore(self.simulation.world, snapshots[tick])
         self.queue.replace([])
         self.queue.lived = math.inf  # what the script does is among what was done
         self.queue.log.clear()
@@ -301,12 +301,12 @@ class Timeline:
 
     def give_up(self):
         """Undo the last `fork`: the branch goes, and the world stands again where it left its parent."""
-        gone = self.branches.pop(self.current.name)
-        if gone.scribe is not None:
-            gone.scribe.discard()
-        self.current = self.branches[gone.parent]
-        self._stand(self.current.keyframes.before(gone.left))
-        self.go_to(gone.left)
+        branch = self.branches.pop(self.current.name)
+        if branch.scribe is not None:
+            branch.scribe.discard()
+        self.current = self.branches[branch.parent]
+        self._stand(self.current.keyframes.before(branch.left))
+        self.go_to(branch.left)
 
     def switch(self, name):
         """Stand at the end of another branch; LookupError."""
@@ -385,10 +385,10 @@ class Timeline:
     def _thin(self):
         """Forget kept moments until they fit the budget: those that stand closest to others, the oldest first."""
         while self.memory() > self.budget:
-            found = [(gap, tick, branch) for branch in self.branches.values() for gap, tick in branch.keyframes.gaps()]
-            if not found:
+            gaps = [(gap, tick, branch) for branch in self.branches.values() for gap, tick in branch.keyframes.gaps()]
+            if not gaps:
                 return
-            _, tick, branch = min(found, key=lambda entry: entry[:2])
+            _, tick, branch = min(gaps, key=lambda entry: entry[:2])
             cut = branch.keyframes.cut(tick)
             for other in self.branches.values():  # branches hold in common what they have in common
                 if other.keyframes.cut(tick) is cut:

@@ -91,8 +91,10 @@ class Viewport:
         scenery = Scenery(simulation)
         self.painter = SpacePainter(scenery, size, self.app.theme, words=False, live=True)
         self._overlays = Overlays(scenery, self.app.theme)
-        asked = self._overlays.asked
-        self._flat = defaultdict(lambda: Overlays(scenery, self.app.theme, asked=asked))  # each picture has its own
+        explanations = self._overlays.asked
+        self._flat = defaultdict(
+            lambda: Overlays(scenery, self.app.theme, asked=explanations)
+        )  # each picture has its own
         self.home = self.painter.home
         self.painter.refine(FIRST)
         if self.camera is None:

@@ -1,7 +1,5 @@
 """The window over a film: scrubbed, marked, painted, put right and sketched in by hands, saved and taken up again."""
 
-import subprocess
-import sys
 import time
 from dataclasses import replace
 
@@ -459,10 +457,3 @@ def test_who_is_interrupted_loses_nothing(sky_clip, tmp_path, monkeypatch):
     with pytest.raises((KeyboardInterrupt, Stopped)):
         start_clip.mark_clip(sky_clip, tmp_path / "out", frames=1)
     assert "body_length_px = 12" in (tmp_path / "out" / "birds.marks.toml").read_text()
-
-
-def test_help_of_play_names_the_film(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "flockbrush", "play", "--help"], capture_output=True, text=True, check=True
-    )
-    assert "--clip" in done.stdout

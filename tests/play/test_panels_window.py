@@ -117,23 +117,6 @@ def test_every_tab_lives_through_time_themes_and_sizes(tmp_path, theme):
     window.close()
 
 
-def test_a_check_box_of_view_shows_on_the_canvas(window):
-    panel = show(window, "View")
-    plain = window.canvas.frame.copy()
-    window.push(panel.boxes["density"])
-    window.frames(10)
-    assert "density" in window.overlays
-    assert (window.canvas.frame != plain).any()
-
-
-def test_the_theme_is_chosen_in_view(window):
-    show(window, "View")
-    window.set_theme("dark")
-    window.frames(2)
-    panel = next(panel for panel in window.panels if panel.title == "View")
-    assert panel.theme.selected_option[0] == "dark"
-
-
 def test_choosing_colours_in_the_list_makes_the_window_anew(window):
     import pygame_gui
 

@@ -3,20 +3,10 @@
 import numpy as np
 import pygame
 import pytest
-from small_pasture import pasture
 from window import Window
 
 from flockbrush.render.orbit import OrbitCamera
 from flockbrush.render.view_camera import ViewCamera
-
-
-@pytest.fixture
-def window(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    window = Window(pasture(tmp_path, script=False))
-    window.set_size(1.5)
-    yield window
-    window.close()
 
 
 @pytest.fixture
