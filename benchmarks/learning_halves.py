@@ -21,6 +21,7 @@ import dataclasses
 import json
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -41,6 +42,7 @@ COUNTED = {
 }
 JUDGED = "polarization", "milling"
 KINDS = "missed", "not lasting"
+OF_A_BRUSH = {"response to neighbours", "scatter of turns"}  # measures that the true model, which is none, cannot have
 FLOOR, LONG_FLOOR = 6, 2  # runs of the true model, and those that go on for 20 s
 
 
@@ -280,6 +282,10 @@ def table_again(rows):
             f"\n{what}: polarization and milling within the limits: {near} of {len(some)}; whole battery: "
             f"{short} of {len(some)}, and still so after 20 s alone: {both}"
         )
+        same = sum(not set(row[key]["missed"]) - OF_A_BRUSH for row in some)
+        lines.append(f"{what}, without the measures that only a brush has: {same} of {len(some)}")
+        often = Counter(name for row in some for name in row[key]["missed"])
+        lines.append(f"{what}, missed in so many: " + ", ".join(f"{name} {n}" for name, n in often.most_common()))
     kinds = [row["battery"]["kind"] for row in rows.values()]
     lines.append(
         "\nsentences on the learned brushes: " + ", ".join(f"{k} {kinds.count(k)}" for k in sorted(set(kinds)))

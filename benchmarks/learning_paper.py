@@ -46,7 +46,7 @@ def run(options):
 
 def rows_of(animals, options):
     """Yield a row for each kind of start and each way of learning, means over truths and starts."""
-    from learning_truth import film_of
+    from benchmarks.learning_truth import film_of
 
     clips = {}
     for name in options.truths:

@@ -20,7 +20,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from learning_halves import DATA, SHEEP
+
+from benchmarks.learning_halves import DATA, SHEEP
 
 HALVES = {  # frames, and which half is held out: 0 the second, 1 the first
     "second half of 11:72": ((11, 72), 0),

@@ -27,7 +27,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from learning_paper import PAPER
+
+from benchmarks.learning_paper import PAPER
 
 TRUTHS = {  # start, heading in rad (None: random), and seconds until the pattern of the name has formed
     "march": ("scatter", 0.0, 10.0),

@@ -39,7 +39,7 @@ from flockbrush.systems.landscape import (
     Native,
     Painted,
 )
-from flockbrush.systems.life import Live, Nursery, bear, births_due
+from flockbrush.systems.life import Live, Nursery, births_due, spawn_animals
 from flockbrush.systems.marks import MapMarks
 from flockbrush.systems.motion import Move
 from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed
@@ -322,7 +322,7 @@ def _bear_first(world, level):
         if births_due(spawn, 0.0) >= spawn.count > 0 and spawn.start <= 0:
             born = spawn.count
             try:
-                bear(world, spawn, spawn.count, f"spawn {spawn.id}")
+                spawn_animals(world, spawn, spawn.count, f"spawn {spawn.id}")
             except NoRoom as full:
                 problems.append(_no_room(level, spawn, full))
         nursery.put(replace(spawn), born)

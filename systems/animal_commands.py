@@ -12,7 +12,7 @@ from flockbrush.engine.maths import sincos_
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import cannot
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.life import bear
+from flockbrush.systems.life import spawn_animals
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.programs import Programs
@@ -156,7 +156,7 @@ class AddAnimals:
         need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
         where, stream = disc(self.x, self.y, self.radius), f"add {world.next_entity}"  # two strokes in one tick are two
         spawn = Spawn(0, "", where, self.species, self.brush, heading=self.heading, program=self.program)
-        bear(world, spawn, self.count, stream)
+        spawn_animals(world, spawn, self.count, stream)
 
 
 @command

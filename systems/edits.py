@@ -18,7 +18,7 @@ from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.animal_commands import MOST
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.level_lists import KINDS, ThingKind, TouchedThings, lists_of
-from flockbrush.systems.life import Nursery, bear
+from flockbrush.systems.life import Nursery, spawn_animals
 from flockbrush.systems.obstacle_commands import (
     AddObstacle,
     RemoveObstacle,
@@ -292,7 +292,7 @@ class MarkSpawn(OfThing):
         total = len(world.agents) + due
         need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
         if due:
-            bear(world, spawn, due, f"spawn {self.id} {world.next_entity}")
+            spawn_animals(world, spawn, due, f"spawn {self.id} {world.next_entity}")
         if index is None:
             nursery.put(spawn, brought + due, self.at if 0 <= self.at <= len(nursery.spawns) else None)
         else:

@@ -17,7 +17,7 @@ from flockbrush.systems.ground_edges import across_seam, outline_edges
 from flockbrush.systems.ground_height import Heights, Hills, heights_of_ground
 from flockbrush.systems.marks import BRUSHES_OWN, Above, MapMarks
 from flockbrush.systems.navigation import Navigation, navigation_of
-from flockbrush.systems.sky_solids import solids_in_the_air
+from flockbrush.systems.sky_solids import solids_in_the_air, solids_on_the_ground
 from flockbrush.systems.terrain import NO_BRUSH, compose_blocked, relief_of, steepest_within, steepness_of
 from flockbrush.systems.visibility import Edges, edges_by_cell, no_edges
 
@@ -110,6 +110,7 @@ class Landscape:
     overhead: list[Obstacle] = field(default_factory=list)  # what begins above the ground
     glides: list[Glide] = field(default_factory=list)  # what is on its way to another place
     _sky: tuple[Solids, Solids] | None = None
+    _standing: Solids | None = None
 
     def __post_init__(self):
         shape = self.brush.shape
@@ -156,6 +157,13 @@ class Landscape:
     def sky(self):
         """`Solids` that keep those in the air out."""
         return self._in_space()[0]
+
+    @property
+    def standing(self):
+        """`Solids` that keep those out that a model of flight moves along the ground."""
+        if self._standing is None:
+            self._standing = solids_on_the_ground(self)
+        return self._standing
 
     @property
     def opaque_solids(self):
@@ -295,7 +303,7 @@ class Landscape:
 
     def changed(self):
         """Say that barriers, guides, goals or exits are others now."""
-        self._head = self._sky = None
+        self._head = self._sky = self._standing = None
         names = [goal.name for goal in self.goals]
         for goal in self.goals:
             goal.next_index = names.index(goal.next) if goal.next in names else -1

@@ -139,11 +139,11 @@ class Live(System):
             if due <= 0:
                 continue
             try:
-                bear(world, spawn, due, f"spawn {spawn.id}")
+                spawn_animals(world, spawn, due, f"spawn {spawn.id}")
             except NoRoom as full:  # the rest come when there is room
                 due = full.fitted
                 if due:
-                    bear(world, spawn, due, f"spawn {spawn.id}")
+                    spawn_animals(world, spawn, due, f"spawn {spawn.id}")
             nursery.born[k] += due
 
 
@@ -157,7 +157,7 @@ def births_due(spawn, now):
     return min(due, spawn.count) if spawn.count else due
 
 
-def bear(world, spawn, count, stream):
+def spawn_animals(world, spawn, count, stream):
     """Births as one spawn of the level has them."""
     born = give_birth(world, spawn, count, stream)
     born_into(world, born, spawn.program)

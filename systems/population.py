@@ -77,7 +77,7 @@ def give_birth(world, spawn, count, stream="birth"):
     xyz = np.column_stack([xy, _heights(land, xy) + spawn.altitude])
     if spawn.depth > 0.0:
         xyz[:, 2] += spawn.depth * noise.uniform(stream + " height", clock.tick, number)[:, 0]
-    if palette.flies[index]:
+    if palette.flies_free[index]:
         _clear_of_solids(xyz, float(radius.max(initial=0.0)), land.sky)
     low = spawn.altitude == 0.0 == spawn.depth
     stands = palette.flies_free[index] and known is not None and known.fly.slowest > 0.0 and low

@@ -52,7 +52,7 @@ COUNTS = {
 }
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
-BEYOND_BODY = np.arange(RINGS) * RING >= 0.75  # rings of `flockbrush.film.pair_density` that are not the body's own
+BEYOND_BODY = np.arange(RINGS) * RING >= 0.5  # rings of `flockbrush.film.pair_density` that are not the body's own
 KNOWN = 0.5  # of its moments a measure must be told in to count
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
@@ -186,23 +186,11 @@ def _neighbour_kernel(xy, heading, share, known, trust, reach, link):
 
 
 def neighbour_map(view: HerdView, reach=REACH, rings=8, sectors=8, every=4):
-    """Density of neighbours around an animal, by distance and bearing: the histogram of section 7.1.2 of [1]_.
+    """Animals per BL² around an animal by distance and bearing, (rings, sectors): the histogram of section 7.1.2 of
+    [1]_.
 
-    Left and right are added. Of fields the cells are counted, weighted by their number of animals.
-
-    Parameters
-    ----------
-    view : HerdView
-    reach : float
-        Largest distance, BL.
-    rings, sectors : int
-    every : int
-        Use every n-th frame.
-
-    Returns
-    -------
-    (rings, sectors) ndarray
-        Animals per BL²; row 0 is nearest, column 0 ahead, the last column behind.
+    Row 0 is nearest, column 0 ahead, the last column behind; left and right are added. `reach` is the largest
+    distance, BL. Of fields the cells are counted, weighted by their number of animals. Every `every`-th frame is used.
     """
     number, animals = np.zeros((rings, sectors)), 0.0
     for t in range(0, len(view), every):
@@ -247,17 +235,10 @@ def map_error(a, b):
 
 
 def density_errors(simulated: Fields, target: Fields):
-    """ε_D of section 7.1.2 of [1]_ and a symmetric density error, on a grid of `COARSE` x `COARSE` cells.
+    """ε_D of section 7.1.2 of [1]_ and a symmetric density error of `Fields`, on `COARSE` x `COARSE` cells.
 
-    Parameters
-    ----------
-    simulated, target : Fields
-
-    Returns
-    -------
-    dict of str to (T,) ndarray
-        ``density error`` (relative; NaN in frames without animals) and ``symmetric density error`` (0 to 1, the share
-        of animals in the wrong cell).
+    Returns ``density error`` (relative; NaN in frames without animals) and ``symmetric density error`` (0 to 1, the
+    share of animals in the wrong cell), (T,) each.
     """
     a, b = _coarse(simulated, target), _coarse(target, target)
     asymmetric, symmetric = [], []
@@ -283,17 +264,9 @@ def _coarse(fields, like):
 
 
 def velocity_errors(run: Run, target: Fields):
-    """ε_V of section 7.1.2 of [1]_: mean |unit heading - unit velocity of the clip|, 0 to 2.
+    """ε_V of section 7.1.2 of [1]_, (T,): mean |unit heading - unit velocity of the clip|, 0 to 2.
 
-    Parameters
-    ----------
-    run : Run
-    target : Fields
-
-    Returns
-    -------
-    (T,) ndarray
-        Over animals in cells where the clip shows motion; NaN in frames without any.
+    Over animals in cells where the clip shows motion; NaN in frames without any.
     """
     out = np.full(min(len(run), len(target)), np.nan)
     for t in range(len(out)):
@@ -332,16 +305,7 @@ class ClipTarget:
 
     @classmethod
     def of(cls, evidence: Evidence, every=None, single=None):
-        """The measures of a clip.
-
-        Parameters
-        ----------
-        evidence : Evidence
-        every : int, optional
-            Use every n-th frame; by default about forty frames.
-        single : bool, optional
-            Whether animals are told apart; by default as the evidence allows.
-        """
+        """The measures of a clip, at about forty frames or every `every`-th; `single`: animals are told apart."""
         single = told_apart(evidence) if single is None else single
         every = max(1, len(evidence.fields) // 40) if every is None else every
         view = view_of(evidence, single)
@@ -467,15 +431,10 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
 
 
 def order_off(run: Run, evidence: Evidence, target: ClipTarget) -> dict[str, float]:
-    """Distance of polarization and milling of a longer run from those of a clip, for any number of animals.
+    """Distance of polarization and milling of a longer run from those of a clip, in standard deviations.
 
-    A few animals with random headings are more polarized by chance than many. The expected value of random headings is
-    removed from both, and the standard deviation is at least the one due to chance.
-
-    Returns
-    -------
-    dict of str to float
-        In standard deviations.
+    It does not depend on the number of animals: a few with random headings are more polarized than many. The expected
+    value of random headings is removed from both, and the standard deviation is at least the one due to chance.
     """
     seen, out = measures_of(view_of_run(run, evidence, target.single)), {}
     for name, of_one in CHANCE.items():

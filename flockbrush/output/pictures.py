@@ -17,9 +17,9 @@ def herd_of(simulation, moment: Moment):
     """The animals of a moment as the painter wants them."""
     from flockbrush.render.drawn_herd import DrawnHerd
     from flockbrush.render.gaits import gaits_of, in_flight, wings_of
-    from flockbrush.render.kept import kept
     from flockbrush.render.leader_marks import LeaderMarks
     from flockbrush.render.mesh_bodies import Postures
+    from flockbrush.render.per_run import of_run
     from flockbrush.render.wakes import wakes_of
     from flockbrush.systems.palette import Palette
 
@@ -32,7 +32,7 @@ def herd_of(simulation, moment: Moment):
         forward=moment.forward,
         length=moment.length,
         radius=moment.radius,
-        leader=kept(LeaderMarks, simulation).of(moment),
+        leader=of_run(LeaderMarks, simulation).of(moment),
         brush=moment.brush,
         species=moment.species,
         brush_colours=tuple(brush.colour for brush in palette.brushes),

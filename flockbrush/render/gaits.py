@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.render.animal_looks import BEAT_ANGLE, CLIPS, GLIDING, LOOKS, mesh_of
-from flockbrush.render.kept import kept
+from flockbrush.render.per_run import of_run
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.palette import Palette
 
@@ -132,4 +132,4 @@ class Gaits:
 
 def gaits_of(simulation) -> Gaits:
     """The gaits of a run that all its pictures share: one film shows the steps that another shows."""
-    return kept(Gaits, simulation)
+    return of_run(Gaits, simulation)

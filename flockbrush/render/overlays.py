@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.components import Body, Destination, Position, Species
-from flockbrush.render.asked_about import AskedAbout
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_ground import Sketcher, placed
 from flockbrush.render.drawn_terrain import nice
+from flockbrush.render.explanation_cache import ExplanationCache
 from flockbrush.render.forces import draw_forces, reason_colour
 from flockbrush.render.overlay_layers import box_of, full_width, hearts, is_same, lattice, layer, strong
 from flockbrush.render.overlay_registry import EXPLAINED, OVERLAYS, OverlayView, load_overlays
@@ -57,16 +57,16 @@ class Overlays:
     theme : {"light", "dark"} or Theme
     unit : float
         Pixels of a hairline.
-    asked : AskedAbout, optional
+    explanations : ExplanationCache, optional
         What other overlays of the same world were told.
     """
 
-    def __init__(self, scenery, theme="light", unit=1.0, asked=None):
+    def __init__(self, scenery, theme="light", unit=1.0, explanations=None):
         load_overlays()
         self.scenery, self.theme, self.unit = scenery, theme_of(theme), unit
         self._layers: dict[str, tuple] = {}
         self._counted = (None, None, None)
-        self.asked = asked or AskedAbout(scenery.simulation)
+        self.explanations = explanations or ExplanationCache(scenery.simulation)
 
     @property
     def world(self):
@@ -419,7 +419,7 @@ class Overlays:
         """What is shown of the selected animal."""
         explanation = None
         if shown & EXPLAINED:
-            explanation = self.asked.of(int(moment.ids[row]))
+            explanation = self.explanations.of(int(moment.ids[row]))
         x, y = (float(side) for side in at[row])
         if explanation is not None and shown & {"field_of_view", "occlusion"}:
             self._sight(frame, camera, shown, moment, row, explanation)

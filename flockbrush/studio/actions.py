@@ -21,7 +21,7 @@ LEVELS = (".tmj", ".json")  # what level files end in
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 
-class Deeds:
+class AppActions:
     """Methods of the App that actions call."""
 
     # time --------------------------------------------------------------------------

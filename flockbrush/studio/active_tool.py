@@ -15,7 +15,7 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 
 
-class Hand:
+class ActiveTool:
     """Methods of the App that tools call."""
 
     def empty(self, brush=None):

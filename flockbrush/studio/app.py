@@ -12,8 +12,8 @@ import numpy as np
 import pygame
 from pygame_gui.elements import UIPanel
 
-from flockbrush.studio.actions import Deeds
-from flockbrush.studio.active_tool import Hand
+from flockbrush.studio.actions import AppActions
+from flockbrush.studio.active_tool import ActiveTool
 from flockbrush.studio.brush_palette import Thumbnails
 from flockbrush.studio.canvas_events import CanvasEvents
 from flockbrush.studio.column import Column
@@ -38,7 +38,7 @@ DISK = 1.0  # s between two looks at the level file
 KEPT = "unsaved changes are kept; flockbrush play offers to recover them when you open the level again"
 
 
-class App(Hand, Deeds, CanvasEvents, Window):
+class App(ActiveTool, AppActions, CanvasEvents, Window):
     """A window on a session.
 
     Parameters

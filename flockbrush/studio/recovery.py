@@ -32,7 +32,7 @@ from flockbrush.studio.session_folders import DAMAGED, LOCK, NOTE, TRASH, state_
 from flockbrush.studio.timeline import KEYFRAME_BYTES
 
 
-class Shelter:
+class RecoveryFolder:
     """The folder of a running session, from which it can be recovered after a crash.
 
     Parameters

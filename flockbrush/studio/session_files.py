@@ -24,7 +24,7 @@ from flockbrush.levels.tiled import renew_brushes
 from flockbrush.runs import run as running
 from flockbrush.studio.branches import Beginning, plain_name
 from flockbrush.studio.history import History
-from flockbrush.studio.recovery import Shelter
+from flockbrush.studio.recovery import RecoveryFolder
 
 AUTOSAVE_SECONDS = 1.0  # s; what a crash may take at most
 LITTLE_ROOM = 60  # minutes of the run that a disk has room for; with less, who records is warned
@@ -81,7 +81,7 @@ def _digest(data):
     return "" if data is None else hashlib.sha256(data).hexdigest()
 
 
-class Keeping:
+class SessionFiles:
     """Methods of a session that read and write files."""
 
     # the level -----------------------------------------------------------------
@@ -248,21 +248,21 @@ class Keeping:
             Whether what is not saved stays for next time.
         """
         unsaved = self.dirty or any(branch.editor.dirty for branch in self.branches.values())
-        keep = keep and unsaved and self._shelter is not None
+        keep = keep and unsaved and self._recovery is not None
         if keep:
             self._note()
         for branch in self.branches.values():
             branch.editor.close_journal()
         self.timeline.close()
-        if self._shelter is not None:
-            self._shelter.close(keep, unsaved)
+        if self._recovery is not None:
+            self._recovery.close(keep, unsaved)
         return keep
 
     def _adopt(self, editor, branch=None):
         """Have this editor on a branch, with a journal that a crash leaves."""
         branch = branch or self.timeline.current
         branch.editor = editor
-        if self._shelter is None:
+        if self._recovery is None:
             return
         try:
             editor.journal(self._journal_of(branch.name))
@@ -270,16 +270,16 @@ class Keeping:
             self._say("warning", f"new changes are not protected against a crash: {error}")
 
     def _journal_of(self, name):
-        return self._shelter.folder / f"{plain_name(name)}.journal"
+        return self._recovery.folder / f"{plain_name(name)}.journal"
 
     def _note(self):
         """Tell those who may have to recover which branches there are."""
-        if self._shelter is None:
+        if self._recovery is None:
             return
         self.timeline.flush()
-        self._shelter.level = self.path
+        self._recovery.level = self.path
         try:
-            self._shelter.note(
+            self._recovery.note(
                 self.branch_name, {name: self._files_of(branch) for name, branch in self.branches.items()}
             )
         except ProblemsError as error:
@@ -289,7 +289,7 @@ class Keeping:
         """Where the files of a branch lie."""
         journal = self._journal_of(branch.name)
         return {
-            "recording": branch.scribe and os.path.abspath(branch.scribe.path),
+            "recording": branch.recorder and os.path.abspath(branch.recorder.path),
             "journal": str(journal) if journal.exists() else None,
             "parent": branch.parent,
             "left": branch.left,
@@ -313,20 +313,20 @@ def editor_of(path, simulation, beginning, library):
 
 
 @contextmanager
-def sheltered(level, root, notices):
+def recovery_folder(level, root, notices):
     """A folder for what a crash must not take, gone again when the body fails; None, and a notice, when none can be."""
     try:
-        shelter = Shelter(level, root)
+        recovery = RecoveryFolder(level, root)
     except OSError as error:
         notices.append(
             SessionNotice(
                 "warning", f"your changes are not protected against a crash: {error.filename}: {error.strerror}"
             )
         )
-        shelter = None
+        recovery = None
     try:
-        yield shelter
+        yield recovery
     except BaseException:
-        if shelter is not None:
-            shelter.close()
+        if recovery is not None:
+            recovery.close()
         raise

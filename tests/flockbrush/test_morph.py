@@ -263,8 +263,8 @@ def test_shipped_paths_lead_from_brush_to_brush():
             path = load_path(file.read_bytes(), file.name)
             start, end = library.get(path.start), library.get(path.end)
             assert file.name == f"{path.start}--{path.end}.path.toml" and path.measured
-            for k, end_brush in ((0, start), (STEPS, end)):
-                assert mixed(start, end, k / STEPS, path).params == end_brush.params
+            for share, brush in ((0.0, start), (1.0, end)):
+                assert mixed(start, end, share, path).params.model_dump() == pytest.approx(brush.params.model_dump())
             for k in range(STEPS + 1):
                 assert mixed(start, end, k / STEPS, path).model == start.model
 

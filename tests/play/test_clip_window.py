@@ -402,14 +402,6 @@ def test_nothing_is_lost_where_nothing_can_be_written(sky_clip, open_window, tmp
     assert not window.save() and window.book.dirty and window.toasts.log[-1].kind == "error"
 
 
-def test_a_mistake_in_a_mode_becomes_a_message(sky_clip, open_window, monkeypatch):
-    window = open_window(Film(sky_clip), "birds")
-    monkeypatch.setattr(window.mode, "follow", lambda: 1 / 0)
-    monkeypatch.delenv("FLOCKBRUSH_DEBUG", raising=False)
-    window.key("f")
-    assert "ZeroDivisionError" in window.said()[-1] and window.running
-
-
 def test_every_mode_can_be_had_at_every_size(sky_clip, open_window):
     window = open_window(Film(sky_clip))
     window.book.do("birds", "birds", 0, birds=Birds.none(40).put(0, 1, 50, 50))

@@ -8,7 +8,6 @@ from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, 
 from flockbrush.systems.edits import DrawGuide
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.steer import AskModels, NotFinite
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_pasture import by_hand, pasture, straight_run, stroke, texts, verified
@@ -155,25 +154,6 @@ def test_a_script_that_fails_pauses_and_says_so(tmp_path):
     played(session, 60)
     assert session.tick > 30
     session.close()
-
-
-def test_a_model_without_a_number_pauses_and_says_which(session, monkeypatch):
-    ask = AskModels._ask
-
-    def ill(world, scene, palette, index, rows):
-        if scene.tick == 7 and world.agents.ids[0] == 1:
-            raise NotFinite("model 'herd' (brush 'march') gave a wish that is not finite, for entity 1 in tick 7")
-        return ask(world, scene, palette, index, rows)
-
-    monkeypatch.setattr(AskModels, "_ask", staticmethod(ill))
-    session.play()
-    played(session, 60)
-    (notice,) = session.notices()
-    assert notice.kind == "error" and "entity 1 in tick 7" in notice.text
-    assert session.tick == 7 and not session.playing
-    session.do("remove the ill one", [RemoveAnimals(6, 8, 30)])
-    session.play()
-    assert played(session, 60) == 32
 
 
 def test_an_unknown_branch_is_said(session):

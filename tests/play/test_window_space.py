@@ -160,18 +160,6 @@ def test_the_view_follows_the_herd_in_space_and_on_the_plan(flock):
         flock.key("3")
 
 
-def test_a_level_of_birds_opens_with_all_of_them_in_the_middle(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    window = Window("skein", size=(1280, 720))
-    window.frames(2)
-    canvas = window.canvas
-    at = canvas.camera.pixels(np.column_stack([canvas.herd.xy, canvas.herd.z]))
-    window.close()
-    low, high, size = at.min(axis=0), at.max(axis=0), np.array(canvas.rect.size)
-    assert (low > 0.03 * size).all() and (high < 0.97 * size).all()
-    assert abs(low[0] + high[0] - size[0]) < 0.1 * size[0] and high[0] - low[0] > 0.6 * size[0]
-
-
 def test_home_shows_the_whole_map_and_z_the_herd(flock):
     flock.key("home")
     level = flock.session.level

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from flockbrush.components import Body, FormationPlace, Heading, Position, ReferenceBird, Role, Velocity, Vision
+from flockbrush.components import FormationPlace, Heading, Position, ReferenceBird, Role, Velocity
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.systems.commands import Migrate, SwitchBrush
 from flockbrush.systems.gusts import Gust
 from flockbrush.systems.initiation import scattered
 from flockbrush.systems.palette import Palette
-from small_herd import box, brush, meadow, obstacle, put
+from small_herd import brush, meadow, put
 
 from flockbrush.runs.run import start
 
@@ -84,16 +84,6 @@ def test_geese_find_into_a_v_and_touch_nobody():
         if a[ReferenceBird.entity][k]:
             followed = row[int(a[ReferenceBird.entity][k])]
             assert a[FormationPlace.place][followed] == a[FormationPlace.place][k] - 1
-
-
-def test_birds_that_see_one_body_length_far_find_no_formation():
-    far, near = flock(), flock()
-    for simulation, reach, angle in ((far, 100.0, 300.0), (near, 1.0, 10.0)):
-        simulation.agents[Vision.range][:] = reach * simulation.agents[Body.length]
-        simulation.agents[Vision.field_of_view][:] = np.radians(angle)
-        simulation.run(32)
-    assert (far.agents[FormationPlace.reference] > 0).sum() == 8
-    assert (near.agents[FormationPlace.reference] > 0).sum() == 0
 
 
 @pytest.mark.parametrize("shape", ["line", "J", "inverted V", "inverted U"])
@@ -201,24 +191,6 @@ def test_a_gust_that_cannot_be_is_refused():
     for wrong in (Gust(1.0, 0.0, seconds=0.0), Gust(1.0, 0.0, uneven=2.0), Gust(1.0, 0.0, radius=-1.0)):
         with pytest.raises(ValueError):
             wrong.apply(simulation.world)
-
-
-def test_a_flock_behind_a_rock_flies_round_it_and_into_formation():
-    rock = obstacle(box(-14, 30, 14, 50))  # right ahead of them, higher than they fly
-    simulation = meadow(geese(deviation=0.0), boundary="open", obstacles=[rock])
-    x, y, heading = scattered(9, 3)
-    put(simulation, np.c_[x * WING, y * WING], np.pi / 2 - 0.5 * heading)
-    agents = simulation.agents
-    agents[Position.xyz][:, 2] = 20.0
-    agents[Velocity.xyz][:] = 15.0 * agents[Heading.forward]
-    simulation.submit(Migrate(0.0, 1.0, 0.0, kind="direction"))
-    for _ in range(80):
-        simulation.run(16)
-        xyz = simulation.agents[Position.xyz]
-        assert not ((np.abs(xyz[:, 0]) < 14) & (np.abs(xyz[:, 1] - 40) < 10)).any()
-    place, _, x, y, _ = formation(simulation)
-    assert place.tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
-    assert y == pytest.approx(-0.8 * np.abs(x), abs=0.4)
 
 
 @pytest.mark.slow
