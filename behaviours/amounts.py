@@ -95,12 +95,12 @@ def _parts(value, dimension):
     """(low, high, unit) of what was written."""
     if isinstance(value, (int, float)) and not isinstance(value, bool) and "" in dimension.units:
         return float(value), float(value), ""
-    found = _AMOUNT.fullmatch(value) if isinstance(value, str) and len(value) < 64 else None
-    if found is None:
+    match = _AMOUNT.fullmatch(value) if isinstance(value, str) and len(value) < 64 else None
+    if match is None:
         raise ValueError(f'must be {dimension.name} such as "{dimension.example}"')
-    low = float(found["low"])
-    high = float(found["high"]) if found["high"] else low
-    unit = found["unit"] or ""
+    low = float(match["low"])
+    high = float(match["high"]) if match["high"] else low
+    unit = match["unit"] or ""
     if unit not in dimension.units:
         units = ", ".join(unit for unit in dimension.units if unit)
         raise ValueError(f"must be {dimension.name} in {units}")

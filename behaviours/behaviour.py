@@ -95,7 +95,6 @@ class Scene(NamedTuple):
     memory: np.ndarray  # (n, 2) m, from the observer to where it last saw others
     known: np.ndarray  # (n,) 1 where there is such a memory
     order: np.ndarray  # (n,) rows in spatial order: neighbours in turn are neighbours in memory
-    hidden_points: Any = None  # lists (first, near, offset) by hidden-point removal, if a model present asks for them
     air: Air | None = None  # what flyers perceive; None in a world without any
     formation: Any = None  # what birds in line formation know (`behaviours.models.line_formation.InFormation`)
     relations: Kinds | None = None  # who fears and hunts whom, by kind of animal
@@ -205,6 +204,7 @@ class Bodies(NamedTuple):
     relief_cell: float  # m
     transit: np.ndarray  # (n,) uint8, 1 lands, 2 takes off (`components.agent.Transit`)
     radius: np.ndarray  # (n,) m, half the width
+    family: np.ndarray  # (n,) int32, number of the family; 0: none
     solids: Any  # what is in the way of those in the air (`flockbrush.engine.solids.Solids`)
     foresight: np.ndarray  # (n,) s of flight that each looks ahead
     wished: np.ndarray  # (n, 3) m/s, what the models wish (`flockbrush.systems.allocation.with_wishes`)
@@ -350,7 +350,6 @@ class Behaviour:
     Params: type[Parameters]
     doc: str
     danger: bool = False  # prey flees from animals that this model moves
-    hidden_points: bool = False  # asks for the lists of hidden-point removal, which cost extra
     flight: Callable[[Any], Flight] | None = None  # of its parameters: then its animals move in the air
     formation: bool = False  # its animals have places in a line formation
     explain: Callable[[Scene, int, Any], dict[str, np.ndarray]] | None = None  # the reasons of one animal
@@ -366,7 +365,6 @@ def behaviour(
     name: str,
     Params: type[Parameters],
     danger: bool = False,
-    hidden_points: bool = False,
     flight: Callable[[Any], Flight] | None = None,
     formation: bool = False,
     explain=None,
@@ -380,8 +378,6 @@ def behaviour(
     ----------
     danger : bool
         Prey flees from animals that this model moves.
-    hidden_points : bool
-        The model wants ``scene.hidden_points``.
     flight : callable, optional
         ``flight(params) -> Flight``: animals of this model move in the air, within these limits.
     formation : bool
@@ -410,9 +406,7 @@ def behaviour(
         if name in _registry and not (again and _registry[name].steer.__module__ == "__main__"):
             raise ValueError(f"behaviour {name!r} is already in {_registry[name].steer.__module__}")
         doc = importlib.import_module(steer.__module__).__doc__ or ""
-        _registry[name] = Behaviour(
-            name, steer, Params, doc, danger, hidden_points, flight, formation, explain, has, by_slot, needs
-        )
+        _registry[name] = Behaviour(name, steer, Params, doc, danger, flight, formation, explain, has, by_slot, needs)
         return steer
 
     return register

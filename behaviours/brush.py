@@ -100,12 +100,12 @@ class Brush(Spec):
             data["params"] = params.model_validate(data.pop("parameters"), strict=True)
         if "body" not in data:
             data["body"] = usual_body(data.get("made_for") or ())
-        told = data.get("drives") or {}
-        if isinstance(told, dict):
+        drives = data.get("drives") or {}
+        if isinstance(drives, dict):
             known = _drives()
             data["drives"] = {name: known[name].Params.model_validate(table, strict=True)
                               if isinstance(table, dict) and name in known else table
-                              for name, table in told.items()}  # fmt: skip
+                              for name, table in drives.items()}  # fmt: skip
         return data
 
     @property
@@ -148,8 +148,8 @@ class Brush(Spec):
             now[name] = int(value) if whole else value
         params, mistakes = validated(type(self.params), now, ("parameters",))
         if mistakes:
-            named = [Problem(self.name, None, ".".join(map(str, path)), message) for path, message in mistakes]
-            raise ProblemsError(named)
+            problems = [Problem(self.name, None, ".".join(map(str, path)), message) for path, message in mistakes]
+            raise ProblemsError(problems)
         return self.model_copy(update={"params": params})
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Brush:
@@ -248,9 +248,9 @@ def _read(toml: TomlFile, models: Mapping[str, Any]) -> Brush:
         mistakes.append((("params",), "unknown name"))
     document["drives"], more = _read_drives(document.get("drives", {}))
     mistakes += more
-    made = document.pop("drives")  # objects already, which `validated` would take for tables
+    drives = document.pop("drives")  # objects already, which `validated` would take for tables
     brush, more = validated(Brush, document)
-    brush = brush.model_copy(update={"drives": made}) if brush is not None else None
+    brush = brush.model_copy(update={"drives": drives}) if brush is not None else None
     for path, message in mistakes + more:
         problems.append(toml.problem(path, _belongs(path, message, models, document)))
     if brush is None or problems:
@@ -281,7 +281,7 @@ def _read_drives(written: Any) -> tuple[dict[str, BaseModel], list[tuple[Key, st
     """The parameters of each drive, in the order of the file, and what is wrong with them."""
     if not isinstance(written, dict):
         return {}, [(("drives",), f"must be tables, [drives.NAME], got {shown(written)}")]
-    known, made = _drives(), {}
+    known, params_by_name = _drives(), {}
     mistakes: list[tuple[Key, str]] = []
     for name, table in written.items():
         if name not in known:
@@ -289,9 +289,9 @@ def _read_drives(written: Any) -> tuple[dict[str, BaseModel], list[tuple[Key, st
         elif not isinstance(table, dict):
             mistakes.append((("drives", name), f"must be a table, got {shown(table)}"))
         else:
-            made[name], more = validated(known[name].Params, table, ("drives", name))
+            params_by_name[name], more = validated(known[name].Params, table, ("drives", name))
             mistakes += more
-    return {name: params for name, params in made.items() if params is not None}, mistakes
+    return {name: params for name, params in params_by_name.items() if params is not None}, mistakes
 
 
 def _grouped(path: Key, message: str, model: Any, written: dict) -> str:
@@ -397,13 +397,13 @@ class BrushLibrary(FileLibrary):
 
     def problems(self) -> list[Problem]:
         """Everything that is wrong with any brush of the library."""
-        found = []
+        problems = []
         for name in self.names():
             try:
                 self.get(name)
             except ProblemsError as error:
-                found += error.problems
-        return found
+                problems += error.problems
+        return problems
 
 
 _PARSED: dict[tuple[str, bytes], tuple[Brush, Any]] = {}  # with the model it was checked by

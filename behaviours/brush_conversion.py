@@ -50,17 +50,17 @@ def convert(source: bytes, file: str, library: SpeciesLibrary, species: str = ""
     if species and library.find(species) is None:
         message = f"there is no species {species!r}{did_you_mean(species, library.names())}"
         raise ProblemsError([Problem(file, None, None, message)])
-    found = (species,) if species else _like(brush, library)
+    species_names = (species,) if species else _like(brush, library)
     new = ""
-    if not found:
-        new, found = species_for(brush), (brush.name,)
+    if not species_names:
+        new, species_names = species_for(brush), (brush.name,)
         load_species(new.encode(), f"{brush.name}{SUFFIX}")  # what is written can be read
-    body = usual_body(found)
-    kept = brush.body != body and not species and not new
-    text = text if kept else _SECTION.sub("", text, count=1)
-    text = _told(text, found)
+    body = usual_body(species_names)
+    keeps_body = brush.body != body and not species and not new
+    text = text if keeps_body else _SECTION.sub("", text, count=1)
+    text = _with_made_for(text, species_names)
     load_brush(text.encode(), file)
-    return Converted(text, found, new)
+    return Converted(text, species_names, new)
 
 
 def _like(brush: Brush, library: SpeciesLibrary) -> tuple[str, ...]:
@@ -90,7 +90,7 @@ def species_for(brush: Brush) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _told(text: str, made_for: tuple[str, ...]) -> str:
+def _with_made_for(text: str, made_for: tuple[str, ...]) -> str:
     """The text with ``made_for`` after the last line before the first table."""
     first = _HEADER.search(text)
     at = len(text) if first is None else first.start()

@@ -106,18 +106,18 @@ def drives_of(brush, model) -> list[tuple[Drive, Any]]:
     Those that always act, or act on top of its model, come first, then those of the brush in the order of its file.
     """
     known = drives()
-    found = [
+    active = [
         (one, one.Params())
         for one in known.values()
         if (one.always or one.name in model.needs) and one.name not in brush.drives and one.name not in model.has
     ]
-    found += [(known[name], params) for name, params in brush.drives.items()]
-    return [(one, params) for one, params in found if params.strength > 0.0]
+    active += [(known[name], params) for name, params in brush.drives.items()]
+    return [(one, params) for one, params in active if params.strength > 0.0]
 
 
-def towards(velocity, wanted, most):
+def towards(velocity, velocity_wish, most):
     """(k, 3) m/s²: the acceleration that takes up a velocity within `TAKES_UP`, at most ``most`` (k,)."""
-    change = (wanted - velocity) / TAKES_UP
+    change = (velocity_wish - velocity) / TAKES_UP
     size = np.sqrt((change**2).sum(axis=1))
     share = np.minimum(1.0, most / np.maximum(size, 1e-300))
     return change * share[:, None]
@@ -129,14 +129,14 @@ def unit_rows(vectors):
     return np.where(size > 1e-12, vectors / np.maximum(size, 1e-300), 0.0)
 
 
-def within_wings(scene, rows, wanted):
+def within_wings(scene, rows, wish):
     """(k, 3) m/s: as fast as wanted, but no faster up or down than wings allow; to the side the way it is or flies."""
-    bodies, speed = scene.bodies, np.sqrt((wanted**2).sum(axis=1))
+    bodies, speed = scene.bodies, np.sqrt((wish**2).sum(axis=1))
     room = np.maximum(bodies.height[rows] - LOW * scene.length[rows], 0.0)
-    rise = np.clip(wanted[:, 2], -np.minimum(bodies.sink[rows], room / EASE), bodies.climb[rows])
-    aside = np.sqrt((wanted[:, :2] ** 2).sum(axis=1)) > 0.1 * speed
+    rise = np.clip(wish[:, 2], -np.minimum(bodies.sink[rows], room / EASE), bodies.climb[rows])
+    aside = np.sqrt((wish[:, :2] ** 2).sum(axis=1)) > 0.1 * speed
     ahead = unit_rows(scene.forward[rows][:, :2])
-    level = unit_rows(np.where(aside[:, None], wanted[:, :2], ahead))
+    level = unit_rows(np.where(aside[:, None], wish[:, :2], ahead))
     left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
     side = np.where((left * level).sum(axis=1) >= 0.0, 1.0, -1.0)[:, None]
     level = np.where((ahead * level).sum(axis=1)[:, None] < BEHIND, side * left, level)

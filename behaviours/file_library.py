@@ -23,14 +23,14 @@ def read_source(source: str | os.PathLike | bytes, file: str | None, suffix: str
     return parse_toml(source, file or f"unnamed{suffix}"), source
 
 
-def check_schema(toml: TomlFile, found: object, schema: str) -> None:
+def check_schema(toml: TomlFile, given: object, schema: str) -> None:
     """ProblemsError for another schema: that has other rules, so nothing else is said of the file then."""
     kind = schema.removeprefix("flockbrush.").partition("/")[0]
-    if found is None:
+    if given is None:
         message = f'is missing; a {kind} starts with: schema = "{schema}"'
         raise ProblemsError([Problem(toml.name, 1, "schema", message)])
-    if found != schema:
-        raise ProblemsError([toml.problem(("schema",), f"must be '{schema}', got {shown(found)}")])
+    if given != schema:
+        raise ProblemsError([toml.problem(("schema",), f"must be '{schema}', got {shown(given)}")])
 
 
 def name_in(toml: TomlFile, suffix: str) -> tuple[str, list[Problem]]:

@@ -20,9 +20,9 @@ from flockbrush.behaviours.validation import validated
 from flockbrush.engine.problems import ProblemsError
 from pydantic import BaseModel, Field, model_validator
 
-STEPS = 8  # brushes between two, and one of them
+STEPS = 12  # brushes between two, and one of them
 PATH_SCHEMA = "flockbrush.path/1"
-_STEP = re.compile(r"([A-Za-z0-9_-]+)--([A-Za-z0-9_-]+)--([1-7])of8")
+_STEP = re.compile(r"([A-Za-z0-9_-]+)--([A-Za-z0-9_-]+)--[1-9][0-9]*of[0-9]+")
 Share = Annotated[Finite, Field(ge=0, le=1)]
 
 
@@ -79,10 +79,10 @@ def load_path(source: bytes, file: str) -> BrushPath:
 
 def path_between(library: BrushLibrary, start: str, end: str) -> BrushPath | None:
     """The measured path from one brush to another, if there is one; ProblemsError."""
-    found = library.path_between(start, end) if hasattr(library, "path_between") else None
-    if found is None:
+    file = library.path_between(start, end) if hasattr(library, "path_between") else None
+    if file is None:
         return None
-    path = load_path(found[1], found[0])
+    path = load_path(file[1], file[0])
     return path if path.start == start else path.reversed()
 
 
@@ -125,7 +125,7 @@ def mixed(start: Brush, end: Brush, share: float, path: BrushPath | None = None,
         A straight line without it.
     """
     along, extra = (share, {}) if path is None else path.at(share)
-    made = start.model_copy(
+    blend = start.model_copy(
         update={
             "name": name or start.name,
             "title": f"{share:.0%} of the way from {start.name} to {end.name}",
@@ -137,7 +137,7 @@ def mixed(start: Brush, end: Brush, share: float, path: BrushPath | None = None,
             "colour": _colour(start.colour, end.colour, share),
         }
     )
-    return made
+    return blend
 
 
 def _number(a, b, share):
@@ -146,18 +146,18 @@ def _number(a, b, share):
 
 def _between(a: BaseModel, b: BaseModel, share: float, extra: dict[str, float]) -> Any:
     """Parameters between two of one kind, within the bounds of both and what a detour adds."""
-    told = {}
+    values = {}
     for name in type(a).model_fields:
         one, two = getattr(a, name), getattr(b, name)
         if all(isinstance(value, int | float) and not isinstance(value, bool) for value in (one, two)):
             value = _number(one, two, share) + extra.get(name, 0.0)
-            told[name] = round(value) if isinstance(one, int) and isinstance(two, int) else value
+            values[name] = round(value) if isinstance(one, int) and isinstance(two, int) else value
         else:
-            told[name] = one if share < 0.5 else two
-    made, mistakes = validated(type(a), told)
-    if made is None:
+            values[name] = one if share < 0.5 else two
+    params, mistakes = validated(type(a), values)
+    if params is None:
         raise ValueError("; ".join(f"{'.'.join(map(str, where))}: {message}" for where, message in mistakes))
-    return made
+    return params
 
 
 def _drives_between(a: dict, b: dict, share: float) -> dict:

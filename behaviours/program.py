@@ -154,10 +154,10 @@ class Program(Spec):
 
     def references(self, what: str) -> list[str]:
         """Names of a kind ("region", "goal", "place", "species", "event") in its conditions, each once."""
-        found = (
+        names = (
             ref.name for t in self.triggers for part in t.when.walk() for ref in part.references() if ref.what == what
         )
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys(names))
 
     @property
     def events(self) -> list[str]:
@@ -166,8 +166,8 @@ class Program(Spec):
 
     def memories(self) -> list[Condition]:
         """Conditions that remember something, one for each thing remembered."""
-        found = {part.memory(): part for t in self.triggers for part in t.when.walk() if part.remembers}
-        return list(found.values())
+        conditions = {part.memory(): part for t in self.triggers for part in t.when.walk() if part.remembers}
+        return list(conditions.values())
 
     def __eq__(self, other):
         return isinstance(other, Program) and self.__dict__ == other.__dict__
@@ -212,15 +212,15 @@ def _read(toml: TomlFile) -> Program:
             mistakes.append(((word,), _misspelt(word)))
             del document[word]
     whole = {**document, "name": name, "states": {}, "triggers": ()}
-    made, wrong = _validated(Program, whole, ())
+    program, wrong = _validated(Program, whole, ())
     mistakes += wrong
-    if made is not None and states is not None:
-        made = made.model_copy(update={"states": states, "triggers": triggers})
-        mistakes += _meanings(made)
+    if program is not None and states is not None:
+        program = program.model_copy(update={"states": states, "triggers": triggers})
+        mistakes += _meanings(program)
     problems += [toml.problem(path, message) for path, message in mistakes]
-    if made is None or problems:
+    if program is None or problems:
         raise ProblemsError(sorted(problems, key=lambda problem: problem.line or 0))
-    return _with_streams(made)
+    return _with_streams(program)
 
 
 def _misspelt(word):
@@ -277,9 +277,11 @@ def _validated(model, table, path):
     plain = {aliases.get(name, name): value for name, value in table.items() if name not in back}
     made, mistakes = validated(model, plain, path)
     names = [back.get(name, name) for name in model.model_fields]
-    told = [(_renamed(where, len(path), back), _respelt(where, path, message, names)) for where, message in mistakes]
-    told += [(path + (name,), f"unknown name; did you mean '{back[name]}'?") for name in hidden]
-    return (made if not told else None), told
+    problems = [
+        (_renamed(where, len(path), back), _respelt(where, path, message, names)) for where, message in mistakes
+    ]
+    problems += [(path + (name,), f"unknown name; did you mean '{back[name]}'?") for name in hidden]
+    return (made if not problems else None), problems
 
 
 def _respelt(where, path, message, names):

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 def program_to_toml(program: Program) -> str:
     """The text of a program's file; `load_program` makes an equal program of it."""
     lines = ['schema = "flockbrush.program/1"']
-    told = {"title": program.title, "description": program.description, "source": program.source_note}
-    lines += [f"{name} = {toml(value)}" for name, value in told.items() if value]
+    head = {"title": program.title, "description": program.description, "source": program.source_note}
+    lines += [f"{name} = {toml(value)}" for name, value in head.items() if value]
     if program.start is not None:
         lines.append(f"start = {toml(shares(program.start))}")
     for name, state in program.states.items():
@@ -27,7 +27,7 @@ def program_to_toml(program: Program) -> str:
 
 def state_table(state) -> dict[str, Any]:
     """What a file says of a state."""
-    told = {
+    entries = {
         "brush": state.brush,
         "for": state.lasts,
         "then": None if state.then is None else shares(state.then),
@@ -35,14 +35,14 @@ def state_table(state) -> dict[str, Any]:
         "emits_within": state.emits_within,
         "colour": state.colour,
     }
-    return {name: value for name, value in told.items() if value is not None}
+    return {name: value for name, value in entries.items() if value is not None}
 
 
 def trigger_table(trigger) -> dict[str, Any]:
     """What a file says of a trigger."""
     sources = trigger.sources[0] if len(trigger.sources) == 1 else list(trigger.sources)
-    told = {"name": trigger.name or None, "from": sources, "to": trigger.to, "when": plain(trigger.when)}
-    return {name: value for name, value in (told | {"delay": trigger.delay}).items() if value is not None}
+    entries = {"name": trigger.name or None, "from": sources, "to": trigger.to, "when": plain(trigger.when)}
+    return {name: value for name, value in (entries | {"delay": trigger.delay}).items() if value is not None}
 
 
 def shares(pairs):

@@ -125,10 +125,10 @@ class SpreadSpec(Spec):
 
 def _metres(value: Any):
     """``"30 m"`` as 30.0; anything else is left to the check."""
-    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(m|km)\s*", value) if isinstance(value, str) else None
-    if found is None and isinstance(value, str):
+    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*(m|km)\s*", value) if isinstance(value, str) else None
+    if match is None and isinstance(value, str):
         raise ValueError('must be a distance such as "30 m"')
-    return float(found[1]) * {"m": 1.0, "km": 1000.0}[found[2]] if found else value
+    return float(match[1]) * {"m": 1.0, "km": 1000.0}[match[2]] if match else value
 
 
 Metres = Annotated[float, BeforeValidator(_metres), Field(gt=0, le=10_000)]
@@ -149,15 +149,15 @@ class Relation(Spec):
 
     @model_validator(mode="after")
     def _one_verb(self):
-        told = [verb for verb in VERBS if getattr(self, verb) is not None]
-        if len(told) != 1:
-            raise ValueError(f"must be exactly one of {', '.join(VERBS)}, got {', '.join(told) or 'none'}")
+        verbs = [verb for verb in VERBS if getattr(self, verb) is not None]
+        if len(verbs) != 1:
+            raise ValueError(f"must be exactly one of {', '.join(VERBS)}, got {', '.join(verbs) or 'none'}")
         if self.catch is not None and self.hunt is None:
             raise ValueError("catch can only be used with hunt")
-        if self.notice is not None and told[0] not in ("fear", "hunt", "follow"):
-            raise ValueError(f"notice can only be used with fear, hunt or follow, not with {told[0]}")
-        if self.notice is None and told[0] in ("fear", "hunt", "follow"):
-            raise ValueError(f'{told[0]} needs a distance: notice = "30 m"')
+        if self.notice is not None and verbs[0] not in ("fear", "hunt", "follow"):
+            raise ValueError(f"notice can only be used with fear, hunt or follow, not with {verbs[0]}")
+        if self.notice is None and verbs[0] in ("fear", "hunt", "follow"):
+            raise ValueError(f'{verbs[0]} needs a distance: notice = "30 m"')
         return self
 
     @property
@@ -282,11 +282,11 @@ class SpeciesLibrary(FileLibrary):
 
     def get(self, name: str) -> SpeciesSpec:
         """As `find`, with a ProblemsError when there is none."""
-        found = self.find(name)
-        if found is None:
+        species = self.find(name)
+        if species is None:
             message = f"there is no species '{name}'{did_you_mean(name, self.names())}"
             raise ProblemsError([Problem(shown(name) + SUFFIX, None, None, message)])
-        return found
+        return species
 
     def named(self, key: str) -> list[SpeciesSpec]:
         """Those with this name or tag."""

@@ -53,7 +53,7 @@ def _lines(file, name):
     while line := file.readline(limits.TABLE_LINE + 1):
         number += 1
         if len(line) > limits.TABLE_LINE:
-            message = f"the line is longer than {limits.TABLE_LINE.told}; this is not a table"
+            message = f"the line is longer than {limits.TABLE_LINE.text}; this is not a table"
             raise ProblemsError([Problem(name, number, None, message)])
         if "\0" in line:
             raise ProblemsError([Problem(name, number, None, "is not a table: it contains zero bytes")])

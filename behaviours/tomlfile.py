@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import math
 import os
 import re
 import tomllib
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
 from flockbrush.engine import limits
-from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 
 Key = tuple[str | int, ...]
 
@@ -33,6 +35,16 @@ class TomlFile:
     def problem(self, key: Key, message: str) -> Problem:
         """A problem with the value at ``key``."""
         return Problem(self.name, self.line(key), spelled(key) or None, message)
+
+    def unknown_names(self, key: Key, table: Iterable[str], names: Collection[str]) -> list[Problem]:
+        """Problems with the names of a table that are not among these."""
+        unknown = [name for name in table if name not in names]
+        return [self.problem((*key, name), f"unknown name{did_you_mean(name, names)}") for name in unknown]
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of a TOML file is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def spelled(key: Key) -> str:

@@ -245,7 +245,7 @@ def _read_inner(kind, word, value, where, depth):
     if not isinstance(value, (list, tuple)) or not value:
         return None, [(where, f"must be an array of conditions, got {shown(value)}")]
     read = [read_condition(item, where + (k,), depth + 1) for k, item in enumerate(value)]
-    mistakes = [mistake for _, found in read for mistake in found]
+    mistakes = [mistake for _, wrong in read for mistake in wrong]
     return (None if mistakes else kind(**{field: tuple(part for part, _ in read)})), mistakes
 
 
@@ -299,9 +299,11 @@ def takes(field) -> str:
         return f"{dimension.name}, {dimension.span}"
     words = str(bounds(field))
     kind = field.annotation
-    named = {bool: "true or false", int: "a whole number", float: "a number", str: "a name"}
-    told = next((text for typ, text in named.items() if kind is typ or typ in typing.get_args(kind)), "a name or names")
-    return f"{told}, {words}" if words else told
+    descriptions = {bool: "true or false", int: "a whole number", float: "a number", str: "a name"}
+    description = next(
+        (text for typ, text in descriptions.items() if kind is typ or typ in typing.get_args(kind)), "a name or names"
+    )
+    return f"{description}, {words}" if words else description
 
 
 def tables() -> str:
@@ -342,9 +344,9 @@ def count_seen(senses: Senses, rows, names=(ANYONE,), within=None, flags=None):
     ):
         return senses.count_far(rows, wanted, reach)
     flagged = senses.flags((ANYONE,)) if flags is None else flags
-    asked = Asked(wanted, senses.kin, KIN in names, OTHERS in names)
+    query = Asked(wanted, senses.kin, KIN in names, OTHERS in names)
     for lists in senses.seen:
-        over_rows(_count_seen, len(rows), rows, lists, asked, flagged, reach, count)
+        over_rows(_count_seen, len(rows), rows, lists, query, flagged, reach, count)
     return count
 
 

@@ -36,8 +36,8 @@ class Bounds(NamedTuple):
 
 def bounds(field: FieldInfo) -> Bounds:
     """The bounds of a pydantic field."""
-    found = {name: value for item in field.metadata for name, value in _bounds_in(item)}
-    return Bounds(found.get("ge"), found.get("le"), found.get("gt"), found.get("lt"))
+    limits = {name: value for item in field.metadata for name, value in _bounds_in(item)}
+    return Bounds(limits.get("ge"), limits.get("le"), limits.get("gt"), limits.get("lt"))
 
 
 def _bounds_in(item):
@@ -47,8 +47,8 @@ def _bounds_in(item):
 def unit(field: FieldInfo) -> str:
     """The unit of a field, "" when it has none."""
     extra = field.json_schema_extra
-    found = extra.get("unit") if isinstance(extra, dict) else None
-    return "" if found in (None, "", "1", "-") else str(found)
+    unit = extra.get("unit") if isinstance(extra, dict) else None
+    return "" if unit in (None, "", "1", "-") else str(unit)
 
 
 def meaning(field: FieldInfo) -> str:
@@ -95,38 +95,38 @@ def validated(model: type[Model], data: dict[str, Any], where: Key = ()) -> tupl
     """
     known, mistakes = _known(model, data, where)
     mistakes += _unfit(known, where)
-    told = {path for path, _ in mistakes}
-    made = None
+    reported = {path for path, _ in mistakes}
+    model_object = None
     try:
-        made = model.model_validate(_tuples(known), strict=True)
+        model_object = model.model_validate(_tuples(known), strict=True)
     except ValidationError as error:
         for item in error.errors(include_url=False):
             path = where + item["loc"]
-            if not any(path[: len(other)] == other for other in told):
+            if not any(path[: len(other)] == other for other in reported):
                 mistakes.append((path, _message(model, item)))
-    return (made if not mistakes else None), mistakes
+    return (model_object if not mistakes else None), mistakes
 
 
 def _known(model: type[BaseModel], data: dict, where: Key) -> tuple[dict, list[Mistake]]:
     """The data without the names the model does not have, and a mistake for each of those."""
-    kept, mistakes = {}, []
+    values, mistakes = {}, []
     for name, value in data.items():
         field = model.model_fields.get(name)
         inner = _table_of(field)
         if field is None:
             mistakes.append((where + (name,), f"unknown name{did_you_mean(name, model.model_fields)}"))
         elif inner and isinstance(value, dict) and _is_open(field):
-            kept[name] = dict(value)
+            values[name] = dict(value)
             for key, table in value.items():
                 if isinstance(table, dict):
-                    kept[name][key], more = _known(inner, table, where + (name, key))
+                    values[name][key], more = _known(inner, table, where + (name, key))
                     mistakes += more
         elif inner and isinstance(value, dict):
-            kept[name], more = _known(inner, value, where + (name,))
+            values[name], more = _known(inner, value, where + (name,))
             mistakes += more
         else:
-            kept[name] = value
-    return kept, mistakes
+            values[name] = value
+    return values, mistakes
 
 
 def _table_of(field: FieldInfo | None) -> type[BaseModel] | None:
@@ -163,15 +163,15 @@ def _tuples(value: Any) -> Any:
 def _field_at(model: type[BaseModel], path: Key) -> FieldInfo | None:
     field: FieldInfo | None = None
     table: type[BaseModel] | None = model
-    named = False  # the part is a name of the writer's own
+    by_name = False  # the part is a name of the writer's own
     for part in path:
-        if named:
-            named = False
+        if by_name:
+            by_name = False
             continue
         if table is None or part not in table.model_fields:
             return None
         field = table.model_fields[str(part)]
-        table, named = _table_of(field), _is_open(field)
+        table, by_name = _table_of(field), _is_open(field)
     return field
 
 

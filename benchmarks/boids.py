@@ -1,7 +1,7 @@
 """Benchmark boids: ticks compared with C++, and flocks that fly through fields of pillars.
 
     python benchmarks/boids.py speed [--quick]
-    python benchmarks/boids.py pillars [--seeds 100] [--first 0] [--way point|direction]
+    python benchmarks/boids.py pillars [--seeds 100] [--first 0] [--way point|direction] [--together]
     python benchmarks/boids.py plane [--animals 10000] [--taichi taichi_boids.py] [--python PYTHON] [--ceiling CPP]
 
 ``speed``: whole ticks of a level (all systems) with random flocks in a box with periodic sides, about 12 visible
@@ -10,7 +10,8 @@ the flock, in float32.  On a shared machine read the CPU times (all threads, lea
 
 ``pillars``: 60 starlings fly through 24 random pillars, a new field for every seed.  For each flock it prints the
 least distance between a bird and an obstacle in any tick, the share of birds that got through, the smallest size of
-its largest part, and when the flock was whole again: nine tenths of it in one part, with links of 4 m.
+its largest part, and when the flock was whole again: nine tenths of it in one part, with links of 4 m.  With
+``--together`` the birds see farther than they respond to neighbours, and have the drive ``keep_group``.
 
 ``plane``: see `boids_plane`.
 """
@@ -34,6 +35,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 from boids_plane import plane
+from flockbrush.behaviours.drives import keep_group
 from flockbrush.components import Heading, Position
 from flockbrush.engine import parallel
 from flockbrush.systems.commands import Migrate
@@ -47,6 +49,8 @@ FLAGS = ("-O3", "-march=native", "-ffast-math", "-fopenmp", "-std=c++17")
 OWN, REACH, SEPARATION = 0.2, 5.0, 3.0  # m; the first is a body length
 LINK = 4.0  # m; birds nearer than this belong to one part
 SOON = 30.0  # s
+TOGETHER = keep_group.Params(distance=20.0, hurry=40.0)
+FAR = 150.0  # body lengths that birds with this drive see
 WHOLE = 0.9  # a flock whose largest part has a smaller share is split
 IN_RANGE = 13.5  # others within range; 12 of them in the cone of 300 degrees
 
@@ -134,8 +138,12 @@ def row(n, threads, rounds, program, folder):
 # a hundred flocks ----------------------------------------------------------------------------------
 
 
-def field_of_pillars(seed, way, birds=60, pillars=24):
+def field_of_pillars(seed, way, together=False, birds=60, pillars=24):
     """Return a flock sent through random round and square pillars, to a point beyond them or just east."""
+    asset = boids(separation=5.0)
+    if together:
+        far = asset.vision.model_copy(update={"range": FAR})
+        asset = asset.model_copy(update={"vision": far, "drives": {"keep_group": TOGETHER}})
     rng = np.random.default_rng(seed)
     things = []
     for k in range(pillars):
@@ -143,18 +151,18 @@ def field_of_pillars(seed, way, birds=60, pillars=24):
         thing = obstacle(box(x - r, y - r, x + r, y + r), f"pillar {k}")
         thing.shape, thing.z_max = str(rng.choice(["cylinder", "box"])), 100.0
         things.append(thing)
-    simulation = meadow(boids(separation=5.0), width=200, height=200, cell=2.0, obstacles=things, seed=seed)
+    simulation = meadow(asset, width=200, height=200, cell=2.0, obstacles=things, seed=seed)
     put_aloft(simulation, rng.uniform(0, 1, (birds, 3)) * (8, 16, 6) + (20, 92, 30))
     simulation.submit(Migrate(200.0, 100.0, 33.0) if way == "point" else Migrate(1.0, 0.0, 0.0, kind="direction"))
     return simulation
 
 
-def pillars(seeds, first, way, ticks=1280):
+def pillars(seeds, first, way, together, ticks=1280):
     """Print a line for every flock, and a summary."""
     print(machine())
     flocks = []
     for seed in range(first, first + seeds):
-        flocks.append(passage(seed, way, ticks))
+        flocks.append(passage(seed, way, together, ticks))
         flock = flocks[-1]
         again = f"rejoined after {flock.joined - flock.torn:4.1f} s" if np.isfinite(flock.joined) else "not rejoined"
         print(
@@ -190,9 +198,9 @@ class Passage(NamedTuple):
     order: float  # polarization at the end
 
 
-def passage(seed, way, ticks):
+def passage(seed, way, together, ticks):
     """Return the `Passage` of a flock sent to a point beyond the field, or in a direction."""
-    simulation = field_of_pillars(seed, way)
+    simulation = field_of_pillars(seed, way, together)
     room, parts = np.full(len(simulation.agents), np.inf), []
     for tick in range(ticks):
         simulation.tick()
@@ -217,6 +225,7 @@ def main():
     study.add_argument("--seeds", type=int, default=100)
     study.add_argument("--first", type=int, default=0)
     study.add_argument("--way", choices=("point", "direction"), default="point", help="destination of the flock")
+    study.add_argument("--together", action="store_true", help="birds see far and have the drive keep_group")
     flat = what.add_parser("plane")
     flat.add_argument("--animals", type=int, default=10_000)
     flat.add_argument("--taichi", type=Path, help="Taichi program of the same flock")
@@ -229,7 +238,7 @@ def main():
     elif options.what == "plane":
         plane(options.animals, options.taichi, options.python, options.ceiling, options.rounds)
     else:
-        pillars(options.seeds, options.first, options.way)
+        pillars(options.seeds, options.first, options.way, options.together)
 
 
 if __name__ == "__main__":

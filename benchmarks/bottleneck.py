@@ -62,7 +62,7 @@ def ours(width, seed, folder):
     from flockbrush.levels.tiled import write_project
 
     write_project(folder, shipped())
-    sketch = LevelSketch(24, 14, 1.0, "tilesets", shipped().names(), "wall", seed)
+    sketch = LevelSketch(24, 14, 1.0, "tilesets", "wall", seed)
     sketch.ground("road")
     low, high = 7.0 - width / 2, 7.0 + width / 2  # the room is 1 m from the map's edges
     walls = {

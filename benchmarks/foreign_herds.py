@@ -260,13 +260,15 @@ MODELS = {
 ALIGNED = ("march", "column", "front", "lanes", "stampede")  # brushes of ours that begin with one direction
 
 
-def herd(name, count=80, seconds=4.0, fps=25.0, seed=0, warmup=None, **changes) -> Truth:
+def herd(name, count=80, seconds=4.0, fps=25.0, seed=0, warmup=None, other=None, **changes) -> Truth:
     """Run a model: one of MODELS, or "own:BRUSH" for a shipped brush (or a `Brush`) of this program's own.
 
     Parameters
     ----------
     warmup : float
         s that pass before the film begins; as many as the model needs unless given.
+    other : (int, int), optional
+        Of one of MODELS: a frame, and the seed of the random numbers from then on.
     **changes
         Numbers of the model to change, such as ``speed=2.0`` BL/s.
     """
@@ -279,7 +281,9 @@ def herd(name, count=80, seconds=4.0, fps=25.0, seed=0, warmup=None, **changes) 
     for _ in range(round((animals.warmup if warmup is None else warmup) / dt)):
         animals.step(dt)
     places, headings = [], []
-    for _ in range(round(seconds * fps)):
+    for frame in range(round(seconds * fps)):
+        if other is not None and frame == other[0]:
+            animals.rng = np.random.default_rng([*other, count])
         places.append(animals.xy.copy())
         headings.append(animals.forward)
         for _ in range(sub):

@@ -3,8 +3,10 @@
     python benchmarks/learning.py step [--animals 500 1000 1500] [--rounds 20]
     python benchmarks/learning.py truth [--quick] [--write]     known truths (learning_truth.py)
     python benchmarks/learning.py halves [--clips ...] [--write]  predict the second half of clips (learning_halves.py)
+    python benchmarks/learning.py paper [--starts 2]            errors from fields and the paper's (learning_paper.py)
     python benchmarks/learning.py calibration [--count 60] [--write]  errors of the verdict (learning_calibration.py)
     python benchmarks/learning.py tracks --data DIR [--write]   tracks of real animals (learning_tracks.py)
+    python benchmarks/learning.py sheep [--budget 90]           density overlap with real sheep (learning_sheep.py)
     python benchmarks/learning.py models [--seeds 3] [--write]  identify the model (learning_models.py)
     python benchmarks/learning.py time [--runs 1]               seconds of learning a clip (learning_times.py)
     python benchmarks/learning.py photos [--full]               spacing from photographs (learning_photos.py)
@@ -37,7 +39,9 @@ sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve
 import learning_calibration  # noqa: E402
 import learning_halves  # noqa: E402
 import learning_models  # noqa: E402
+import learning_paper  # noqa: E402
 import learning_photos  # noqa: E402
+import learning_sheep  # noqa: E402
 import learning_times  # noqa: E402
 import learning_tracks  # noqa: E402
 import learning_truth  # noqa: E402
@@ -53,7 +57,7 @@ TRUTHS = {  # weight, radial, angular of avoidance, cohesion, alignment; speed a
 }  # found with an independent simulator
 BODIES = {"filled mill": BodySpec(radius=0.25, contact="disc")}  # capsules would jam
 OBSTACLE = 0.15, 0.5, 0.5  # of the known herds; there are no obstacles
-PAPER = {500: 100.0, 1000: 300.0, 1500: 1200.0}  # ms, section 7
+PAPER = learning_paper.PAPER_MS
 
 
 # a step of optimisation ---------------------------------------------------------------------------------
@@ -228,10 +232,12 @@ def main(argv=None):
     two.set_defaults(run=positions)
     learning_truth.add(parts)
     learning_halves.add(parts)
+    learning_paper.add(parts)
     learning_calibration.add(parts)
     learning_tracks.add(parts)
     learning_models.add(parts)
     learning_photos.add(parts)
+    learning_sheep.add(parts)
     learning_times.add(parts)
     learning_variants.add(parts)
     args = parser.parse_args(argv)

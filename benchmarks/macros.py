@@ -8,12 +8,14 @@ measure).  The two positions for a seed are chosen by the other seeds, so that a
 on average.  The goal is that polarization moves three times as far as any other measure; resampled seeds give the
 interval of this ratio.
 
-``--ranges alignment_weight=0:1 wander=2.5:0`` gives a brush ranges of its own.  They are compared with those that it
+``--ranges alignment_weight=0:1 wander=2.5:0:.3`` gives a brush ranges of its own (the last number: the share of the
+slider in which wander falls, about the brush's own position).  They are compared with those that it
 has and with the general ones on other seeds; the best are measured on new seeds and written to the table of the
 sliders.
 ``--general`` writes the result of the general ranges, ``--write`` that of the present ones.
 
-``--effects`` prints, for the other sliders of every brush, the measure that each is named after at both ends.
+``--effects`` measures the other sliders of every brush by the measure that each is named after, at both ends; with
+``--write`` it writes this to the table.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ from flockbrush.components import Heading, Position, Velocity
 from flockbrush.levels.build import herds_apart
 from flockbrush.systems.measures import compute_nnd, herd_measures
 
-from flockbrush.studio.panels.macros import TABLE, macros_of, ranges_by_brush
+from flockbrush.studio.panels.macros import ENOUGH, SURE, TABLE, macros_of, measured_sliders
 
 sys.path.insert(0, str(Path(__file__).parent.parent))  # the repository, when run as a program
 from benchmarks.brush_bands import stated
@@ -47,20 +49,18 @@ FRESH, CHOICE = 9001, 5001  # first seeds: of the table, of the choice between r
 SECONDS, SETTLED = 16, 10  # s of a run, and of its unmeasured start
 LEAST = 0.005  # of the largest value
 RESAMPLED, INTERVAL = 400, (5, 95)  # times that seeds are drawn again, and percentiles of the ratio
-ENOUGH = 0.5  # polarization that a slider should move at least
 EFFECTS = {  # the measure that a slider is named after, and whether it grows (1) or shrinks (-1) along it
     "tightness": ("nnd", -1), "personal space": ("nnd", 1), "wander": ("turning", 1), "pace": ("speed_mean", 1),
     "sweep": ("aspect_ratio", -1),
 }  # fmt: skip
-IN_FORMATION = {"wander": ("shuffling", 1), "order": ("unevenness", -1)}  # of models that fly in formation
+IN_FORMATION = {"regularity": ("unevenness", -1), "wander": ("shuffling", 1)}  # of models that fly in formation
 SKEIN, FLIGHT, FORMED = 12, 90, 60  # birds of these, s of a run, and until a formation stands
-FORMATIONS = ("line_formation", "v_rules")  # models in which order is not that of headings
+FORMATIONS = ("line_formation", "v_rules")
 
 
 def with_slider(name):
-    """Return the names of the shipped brushes that have this slider and do not fly in formation."""
-    brushes = [shipped().get(one) for one in shipped().names()]
-    return [one.name for one in brushes if name in one.params.sliders and one.model not in FORMATIONS]
+    """Return the names of the shipped brushes that have this slider."""
+    return [one for one in shipped().names() if name in shipped().get(one).params.sliders]
 
 
 def scene_of(name):
@@ -171,18 +171,20 @@ def interval(values):
 
 
 def given(slider, texts):
-    """Return the slider with ranges given as ``name=low:high``, or ``name=low:high:times``; raises ValueError."""
+    """Return the slider with ranges given as ``name=low:high[:times][:over]``; raises ValueError."""
     ranges = []
     for text in texts:
         name, _, ends = text.partition("=")
-        low, high, *times = ends.split(":")
-        ranges.append(Range("speed" if name == "mean" else "params", name, float(low), float(high), times == ["times"]))
+        low, high, *more = ends.split(":")
+        over = float(next((one for one in more if one != "times"), 1.0))
+        table = "speed" if name == "mean" else "params"
+        ranges.append(Range(table, name, float(low), float(high), "times" in more, over))
     return replace(slider, ranges=tuple(ranges))
 
 
 def settle(brush, name, seeds, animals, texts):
     """Return the best of the general ranges, the present and the given ones, on other seeds."""
-    general, present = (next(one for one in macros_of(brush, *table) if one.name == name) for table in (({},), ()))
+    general, present = _slider(brush, name, {}), _slider(brush, name)
     tried = list({one.ranges: one for one in (general, present, given(general, texts))}.values())
     courses = [course_of(brush, one, animals, CHOICE, seeds) for one in tried]
     worth = [(np.ptp(course[:, :, 0].mean(axis=1)) >= ENOUGH, ratio(moved(course), seeds)) for course in courses]
@@ -192,31 +194,38 @@ def settle(brush, name, seeds, animals, texts):
     return tried[worth.index(max(worth))]
 
 
-def keep(name, brush, slider, values):
-    """Write a slider and its measurements to the table of the sliders."""
-    ranges_by_brush.cache_clear()  # another search may have written meanwhile
-    table, far = ranges_by_brush(), moved(values)
-    seeds = values.shape[1]
-    entry = {
+def _slider(brush, name, *table):
+    return next(one for one in macros_of(brush, *table) if one.slider == name)
+
+
+def measured(values):
+    """Return what the table says of the slider order, from (positions, seeds, measures)."""
+    far = moved(values)
+    return {
         "polarization": [round(float(one), 2) for one in values[:, :, 0].mean(axis=1)],
         "milling": [round(float(one), 2) for one in values[:, :, 1].mean(axis=1)],
         "moves": {one: round(float(by), 1) for one, by in zip(MEASURES, far, strict=True)},
-        "ratio": [round(float(one), 1) for one in (ratio(far, seeds), *interval(values))],
+        "ratio": [round(float(one), 1) for one in (ratio(far, values.shape[1]), *interval(values))],
     }
-    general = next(one for one in macros_of(brush, {}) if one.name == name)
-    if slider.ranges != general.ranges:
-        entry["ranges"] = [[*part[:4], *([True] if part.times else [])] for part in slider.ranges]
-    table.setdefault(name, {})[brush.name] = entry
+
+
+def keep(brush, slider, entry):
+    """Write what was measured of a slider, and its own ranges, to the table of the sliders."""
+    measured_sliders.cache_clear()  # another search may have written meanwhile
+    table = measured_sliders()
+    if slider.ranges != _slider(brush, slider.slider, {}).ranges:
+        entry = entry | {"ranges": [list(part) for part in slider.ranges]}
+    table.setdefault(slider.slider, {})[brush.name] = entry
     text = ",\n".join(
         f'  "{one}": {{\n' + ",\n".join(f'    "{b}": {json.dumps(table[one][b])}' for b in sorted(table[one])) + "\n  }"
         for one in sorted(table)
     )
     TABLE.write_text(f"{{\n{text}\n}}\n")
-    ranges_by_brush.cache_clear()
+    measured_sliders.cache_clear()
 
 
-def effects(brushes, animals, seeds):
-    """Print what sliders do to the measures that they are named after."""
+def effects(brushes, animals, seeds, write):
+    """Print what sliders do to the measures that they are named after, and write it to the table."""
     print("| brush | slider | measure | at 0 | own | at 1 | moves, deviations between seeds | as named |")
     print("|---|---|---|---|---|---|---|---|")
     for name in brushes:
@@ -224,18 +233,21 @@ def effects(brushes, animals, seeds):
         named, birds, times = EFFECTS, animals, (SECONDS, SETTLED)
         if brush.model in FORMATIONS:
             named, birds, times = EFFECTS | IN_FORMATION, SKEIN, (FLIGHT, FORMED)
-        sliders = [one for one in macros_of(brush) if one.name in named]
+        sliders = [one for one in macros_of(brush) if one.slider in named]
         ends = [brush, *(slider.turned(brush, place) for slider in sliders for place in (0.0, 1.0))]
         wanted = tuple(dict.fromkeys(measure for measure, _ in named.values()))
         values = runs_of(ends, birds, FRESH, seeds, *times, measures=wanted)
         for k, slider in enumerate(sliders):
-            measure, sign = named[slider.name]
+            measure, sign = named[slider.slider]
             column = wanted.index(measure)
             found = values[1 + 2 * k : 3 + 2 * k, :, column : column + 1]
             own, (low, high), by = values[0, :, column].mean(), found.mean(axis=(1, 2)), float(moved(found)[0])
-            words = "hardly acts" if by < 2.0 else "yes" if sign * (high - low) > 0 else "the other way"
+            words = "hardly acts" if by < SURE else "yes" if sign * (high - low) > 0 else "the other way"
+            if write:
+                course = [float(f"{one:.3g}") for one in (low, own, high)]
+                keep(brush, slider, {measure: course, "moves": {measure: round(by, 1)}})
             print(
-                f"| {name} | {slider.name} | {measure} | {low:.3g} | {own:.3g} | {high:.3g} | {by:.1f} | {words} |",
+                f"| {name} | {slider.slider} | {measure} | {low:.3g} | {own:.3g} | {high:.3g} | {by:.1f} | {words} |",
                 flush=True,
             )
 
@@ -247,12 +259,12 @@ def main():
     parser.add_argument("--seeds", type=int, default=16)
     parser.add_argument("--animals", type=int, default=50)
     parser.add_argument("--general", action="store_true", help="write the result of the general rule")
-    parser.add_argument("--write", action="store_true", help="write the result of the present ranges")
-    parser.add_argument("--effects", action="store_true", help="print the effects of the other sliders")
-    parser.add_argument("--ranges", nargs="+", default=[], metavar="NAME=LOW:HIGH[:times]", help="of one brush")
+    parser.add_argument("--write", action="store_true", help="write the result to the table")
+    parser.add_argument("--effects", action="store_true", help="measure the other sliders")
+    parser.add_argument("--ranges", nargs="+", default=[], metavar="NAME=LOW:HIGH[:times][:OVER]", help="of one brush")
     told = parser.parse_args()
     if told.effects:
-        return effects(told.brushes or shipped().names(), told.animals, told.seeds)
+        return effects(told.brushes or shipped().names(), told.animals, told.seeds, told.write)
     if told.ranges and len(told.brushes) != 1:
         parser.error("--ranges needs the name of one brush")
     known = with_slider(told.slider)
@@ -266,10 +278,10 @@ def main():
         if told.ranges:
             slider = settle(brush, told.slider, told.seeds, told.animals, told.ranges)
         else:
-            slider = next(one for one in macros_of(brush, *([{}] if told.general else [])) if one.name == told.slider)
+            slider = _slider(brush, told.slider, *([{}] if told.general else []))
         values = course_of(brush, slider, told.animals, FRESH, told.seeds)
         if told.ranges or told.general or told.write:
-            keep(told.slider, brush, slider, values)
+            keep(brush, slider, measured(values))
         far, ends = moved(values), interval(values)
         course = ", ".join(f"{value:.2f}" for value in values[:, :, 0].mean(axis=1))
         print(f"| {name} | {slider.value(brush):.2f} | {course} | {' | '.join(f'{one:.1f}' for one in far)} | "

@@ -5,8 +5,8 @@
 For each path and herd size, on new seeds, it prints the largest change of polarization or milling in one step, the
 largest deviation between seeds, the largest reversal (`flockbrush.studies.morph` says what chance explains), and a
 verdict: "even"; or "bistable", with both branches at one step, for herds that are swept along the way and back; or
-"uneven".  The same is printed for the straight line between the brushes with as many steps.  Start and duration of the
-runs come from the path.  Pairs without a shipped path get only the straight line, in eighths, as the options say.
+"uneven".  The same is printed for the straight line between the brushes.  Start and duration of the
+runs come from the path.  Pairs without a shipped path get only the straight line, in twelfths, as the options say.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ WAYS = ("path", "straight line")
 
 
 def judged(start, end, path, trial, swept_herds, ways=WAYS):
-    """What herds do at the steps of a path, if there is one, and of the straight line: a `Measured` by way, and words.
+    """What herds do at the steps of paint on a path, if there is one, and on the straight line: `Measured`, and words.
 
     The words say whether the way is even or bistable.
     """
-    shares = np.linspace(0.0, 1.0, len(path.along) if path else STEPS + 1)
+    shares = np.linspace(0.0, 1.0, STEPS + 1)  # those that paint takes
     found = {}
     for name, way in zip(WAYS, (path, None), strict=True):
         if name not in ways or (name == "path" and path is None):
@@ -53,7 +53,7 @@ def judged(start, end, path, trial, swept_herds, ways=WAYS):
         seen, words = measured(at, shares, trial, FIRST), "even"
         if faults(seen):
             swept = sweep(at, shares, replace(trial, seeds=swept_herds), FIRST)
-            words = verdict(swept, even=False) if swept.hysteresis else "uneven"
+            words = verdict(swept) if swept.hysteresis else "uneven"
         found[name] = seen, words
     return found
 

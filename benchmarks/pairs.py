@@ -142,7 +142,7 @@ def draw_level(pair):
     body = shipped_species().get(pair.species)
     flies = body.can("fly") and pair.species not in ("sheep",) and asset.model not in ("herd", "flee", "hunt")
     pair.side = CELLS * (2.5 if flies else 1.0) * body.body.length * (4.0 if flies else 1.0)
-    sketch = LevelSketch(CELLS, CELLS, pair.side / CELLS, "tilesets", shipped().names(), "wall", pair.seed)
+    sketch = LevelSketch(CELLS, CELLS, pair.side / CELLS, "tilesets", "wall", pair.seed)
     sketch.ground("grass")
     if pair.thing in ("slope", "cliff", "mixed slope under birds"):
         draw_height(pair, sketch, body.body.length)

@@ -121,6 +121,13 @@ class Individual(Component):
     boldness = Field(1.0)  # times as near a danger may come before it is noticed
 
 
+class Family(Component):
+    """The family that an animal was born into: a group inside its group."""
+
+    optional = True
+    number = Field(0, np.int32)  # the smallest id that was born into it; 0: no family
+
+
 class Alarm(Component):
     """The alarm of the animal, which lasts for a while after the danger is out of sight."""
 
@@ -199,6 +206,7 @@ AGENT = (
     FormationPlace,
     Lost,
     Individual,
+    Family,
     Alarm,
     Urge,
     ProgramState,

@@ -64,8 +64,8 @@ def prop(kind, default, meaning, unit="", kept=..., **bounds) -> Any:
 
     The default is ``kept`` in the field, if that is given, and shown to a designer as ``default``.
     """
-    told = Property("", kind, default, meaning, unit, **bounds)
-    return field(default=default if kept is ... else kept, metadata={"property": told})
+    described = Property("", kind, default, meaning, unit, **bounds)
+    return field(default=default if kept is ... else kept, metadata={"property": described})
 
 
 def properties_of(thing) -> tuple[Property, ...]:
@@ -215,4 +215,7 @@ class Spawn:
         "number", 0.0, "length from nose to tail; 0: that of the brush", "m", kept=None, low=0, high=100
     )
     program: str = prop("program", "", "name of the program (states and triggers) that the animals follow")
+    family_size: int = prop(
+        "int", 0, "number of animals in a family; 0: no families; families need a rate of 0", low=0, high=10_000
+    )
     since: float = 0.0  # s, when it was drawn: its start counts from there

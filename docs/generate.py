@@ -10,11 +10,11 @@ import json
 from pathlib import Path
 
 from flockbrush.behaviours.behaviour import Behaviour, Parameters, behaviours
+from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.spec import Spec
 from flockbrush.behaviours.species import SpeciesSpec
 
 DOCS = Path(__file__).parent
-MILLS, ORDERED = 0.5, 0.9  # milling of a herd that rotates, polarization of one with a common heading
 
 
 def schema_texts() -> dict[Path, str]:
@@ -99,23 +99,23 @@ def species_table() -> str:
 
 def order_table() -> str:
     """What was measured of the slider order, by brush, as a Markdown table below a marker."""
-    from flockbrush.studio.panels.macros import GOAL, ranges_by_brush
+    from flockbrush.studio.panels.knobs import SENTENCE
+    from flockbrush.studio.panels.macros import macros_of, measured_sliders
 
-    measured = ranges_by_brush()["order"]
     moved = ("milling", "nnd", "group_spread", "largest_part", "speed_mean")
     rows = [
         "<!-- order -->\n| brush | ranges | polarization at 0, 1/4, 1/2, 3/4, 1 | polarization | "
-        f"{' | '.join(moved)} | ratio | goal |",
+        f"{' | '.join(moved)} | ratio | called |",
         "|---" * (len(moved) + 6) + "|",
     ]
-    for name, entry in measured.items():
+    for name, entry in measured_sliders()["order"].items():
+        slider = next(one for one in macros_of(shipped().get(name)) if one.slider == "order")
         best, low, high = entry["ratio"]
-        mills, ordered = max(entry["milling"]) >= MILLS, min(entry["polarization"]) >= ORDERED
-        goal = "mills" if mills else "always ordered" if ordered else "yes" if best >= GOAL else "no"
         moves = " | ".join(f"{entry['moves'][one]:.1f}" for one in ("polarization", *moved))
         course = ", ".join(f"{value:.2f}" for value in entry["polarization"])
         ranges = "own" if "ranges" in entry else "general"
-        rows.append(f"| {name} | {ranges} | {course} | {moves} | {best:.1f} ({low:.1f} to {high:.1f}) | {goal} |")
+        called = "(message)" if slider.kind == SENTENCE else slider.name
+        rows.append(f"| {name} | {ranges} | {course} | {moves} | {best:.1f} ({low:.1f} to {high:.1f}) | {called} |")
     return "\n".join(rows)
 
 

@@ -191,10 +191,10 @@ class Table:
     def remove(self, entities):
         """Drop the rows of these entities and close the gaps, keeping the order of the rest."""
         keep = ~np.isin(self.ids, np.fromiter(entities, np.int64))
-        kept = int(keep.sum())
+        kept_count = int(keep.sum())
         for array in (self._ids, *self.arrays.values()):
-            array[:kept] = array[: self.count][keep]
-        self.count = kept
+            array[:kept_count] = array[: self.count][keep]
+        self.count = kept_count
 
     def replace(self, ids, columns):
         """Put these agents in the place of all that were here, as a snapshot does.

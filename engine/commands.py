@@ -336,10 +336,10 @@ def tick_at(seconds, dt):
 
 def _rescripted(cmd, dt):
     """[(key, tick, command or None)] for a command that changes the level's script: its ``rescript()`` says how."""
-    told = cmd.rescript() if hasattr(cmd, "rescript") else None
-    if told is None:
+    change = cmd.rescript() if hasattr(cmd, "rescript") else None
+    if change is None:
         return []
-    key, seconds, given = told
+    key, seconds, given = change
     return [(key, tick_at(seconds, dt), given)]
 
 

@@ -58,16 +58,16 @@ def output_problems(paths, inputs=()):
     -------
     list of Problem
     """
-    problems, seen = [], {}
+    problems, first_use = [], {}
     read = {os.path.realpath(path): path for path in inputs}
     for path in map(Path, paths):
         real = os.path.realpath(path)
         message = _obstacle(path)
         if message is None and real in read:
             message = "is also an input file; choose another name"
-        if message is None and real in seen:
+        if message is None and real in first_use:
             message = "would be written twice; each output needs its own name"
-        seen[real] = path
+        first_use[real] = path
         if message:
             problems.append(Problem(str(path), None, None, message))
     return problems
@@ -312,10 +312,10 @@ def private_folder() -> Path | None:
 def clear_leftovers(folder):
     """Remove the work folders of killed programs; what is in use, and what is not ours, stays."""
     try:
-        found = [Path(entry.path) for entry in os.scandir(folder) if _WORK.fullmatch(entry.name)]
+        leftovers = [Path(entry.path) for entry in os.scandir(folder) if _WORK.fullmatch(entry.name)]
     except OSError:
         return
-    for path in found:
+    for path in leftovers:
         _clear(path)
 
 

@@ -66,11 +66,11 @@ def _sources(name, without=()):
     folders, files = _places(name)
     others = [folder for package in without for folder in _places(package)[0]]
     stem = name.replace(".", "/")
-    found = [(file.name, file) for file in files]
+    sources = [(file.name, file) for file in files]
     for folder in folders:
         within = [path for path in folder.rglob("*.py") if not any(path.is_relative_to(other) for other in others)]
-        found += [(f"{stem}/{path.relative_to(folder).as_posix()}", path) for path in within]
-    return tuple(sorted((file, _digest(path)) for file, path in found))
+        sources += [(f"{stem}/{path.relative_to(folder).as_posix()}", path) for path in within]
+    return tuple(sorted((file, _digest(path)) for file, path in sources))
 
 
 def _places(name):
@@ -96,13 +96,13 @@ def _digest(path):
 
 def package_versions():
     """{name: version} of Python and of the packages that may change the bits of a run."""
-    found = {"python": platform.python_version()}
+    versions = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
-            found[name] = metadata.version(name)
+            versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
 def cpu():
@@ -117,7 +117,7 @@ def cpu():
 # what differs ------------------------------------------------------------------------------
 
 
-def differing_files(there, here, own=None):
+def differing_files(recorded, current, own=None):
     """["systems/pace.py", "mine.py (not here)", ...]: sources that are not the same in two builds.
 
     Parameters
@@ -125,16 +125,22 @@ def differing_files(there, here, own=None):
     there, here : dict of str to str
         `Build.sources` of the other build and of this one.
     own : collection of str, optional
-        First folders of files that count when they are only here; all of them unless told.
+        First folders of files that count when they are only here; all of them by default.
     """
-    found = [name if name in here else f"{name} (not here)" for name in there if here.get(name) != there[name]]
-    new = [name for name in here if name not in there and (own is None or name.split("/")[0] in own)]
-    return sorted(found + [f"{name} (only here)" for name in new])
+    differing = [
+        name if name in current else f"{name} (not here)" for name in recorded if current.get(name) != recorded[name]
+    ]
+    new = [name for name in current if name not in recorded and (own is None or name.split("/")[0] in own)]
+    return sorted(differing + [f"{name} (only here)" for name in new])
 
 
-def differing_packages(there, here):
+def differing_packages(recorded, current):
     """["numpy 2.1 (here 2.4)", ...]: versions that are not the same in two builds."""
-    return [f"{name} {there[name]} (here {here.get(name)})" for name in sorted(there) if there[name] != here.get(name)]
+    return [
+        f"{name} {recorded[name]} (here {current.get(name)})"
+        for name in sorted(recorded)
+        if recorded[name] != current.get(name)
+    ]
 
 
 def some_of(names, shown=SHOWN):

@@ -39,17 +39,17 @@ def prepare(house, version) -> str:
     uninstall``.  The folder's name holds a hash of the installed files, since numba takes a kernel for current when its
     own file is, even when what it calls came with another version.
     """
-    told, own = os.environ.get("NUMBA_CACHE_DIR"), cache_folder().with_name("numba")
-    if told and can_write(told):
+    configured, own = os.environ.get("NUMBA_CACHE_DIR"), cache_folder().with_name("numba")
+    if configured and can_write(configured):
         return ""
     installed = _place_of_installed(Path(house), version)
-    if not told and installed is not None and can_write(installed):
+    if not configured and installed is not None and can_write(installed):
         take(house, installed)
         _use(installed)
         return ""
     if can_write(BESIDE) or can_write(own):
         return ""  # numba finds it
-    tried = " and ".join(str(place) for place in (told, BESIDE.parent, installed or own) if place)
+    tried = " and ".join(str(place) for place in (configured, BESIDE.parent, installed or own) if place)
     private = private_folder()
     place = private and private / "kernels"
     if place is None or not can_write(place):  # numba unpickles what lies there: nobody else may write it
@@ -119,8 +119,8 @@ def _turn(place):
 
 def folder() -> Path | None:
     """The folder that kernels of this room are kept in."""
-    told = os.environ.get("NUMBA_CACHE_DIR")
-    places = [*([Path(told)] if told else []), BESIDE, cache_folder().with_name("numba")]
+    configured = os.environ.get("NUMBA_CACHE_DIR")
+    places = [*([Path(configured)] if configured else []), BESIDE, cache_folder().with_name("numba")]
     return next((place for place in places if can_write(place)), None)
 
 

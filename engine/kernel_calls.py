@@ -50,7 +50,7 @@ def watch(tell):
     """
     import numba
 
-    told, inside = set(), threading.local()
+    reported, inside = set(), threading.local()
 
     def njit(*functions, **options):
         if functions and callable(functions[0]):
@@ -73,8 +73,8 @@ def watch(tell):
             finally:
                 ran, inside.running = inside.running, None
                 name = _name_of(call)
-                if name and types is not None and (name, types) not in told:
-                    told.add((name, types))
+                if name and types is not None and (name, types) not in reported:
+                    reported.add((name, types))
                     tell(KernelCall(*name, types, sum(len(code.co_code) for code in ran)))
 
         return call

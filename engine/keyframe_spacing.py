@@ -35,11 +35,11 @@ class KeyframeSpacing:
 
     def expected(self, ticks: int, animals: int) -> int:
         """Snapshots in so many ticks, if there are always so many animals."""
-        count = kept = 0
+        count = snapshots = 0
         while self.ticks:
-            rare = max(1.0, kept / self.room)
+            rare = max(1.0, snapshots / self.room)
             gap = math.ceil(min(self.ticks, max(self.steps * rare / max(animals, 1), self.least * rare)))
             if gap > ticks:
                 break
-            ticks, count, kept = ticks - gap, count + 1, kept + animals
+            ticks, count, snapshots = ticks - gap, count + 1, snapshots + animals
         return count

@@ -24,12 +24,12 @@ class Limit(int):
     of: str
 
     def __new__(cls, value, unit, of):
-        made = super().__new__(cls, value)
-        made.unit, made.of = unit, of
-        return made
+        limit = super().__new__(cls, value)
+        limit.unit, limit.of = unit, of
+        return limit
 
     @property
-    def told(self) -> str:
+    def text(self) -> str:
         """The number with its unit: "64 MiB", "1,000,000 animals"."""
         if self.unit == "bytes":
             return f"{self // MIB:,} MiB" if self >= MIB else f"{int(self):,} bytes"
@@ -137,7 +137,7 @@ def table() -> dict[str, Limit]:
 
 def page() -> str:
     """``docs/limits.md``."""
-    rows = [f"| `{name}` | {limit.told.strip()} | {limit.of} |" for name, limit in table().items()]
+    rows = [f"| `{name}` | {limit.text.strip()} | {limit.of} |" for name, limit in table().items()]
     return "\n".join([*_HEAD, *rows, ""])
 
 

@@ -144,8 +144,8 @@ def holder_of(lock):
     """Who holds a lock file, in a clause."""
     try:
         with open(lock, "rb") as file:
-            told = json.loads(file.read(10_000).decode().split("\n")[1])
-        process, host, program, since = (told[name] for name in ("process", "host", "program", "since"))
+            holder = json.loads(file.read(10_000).decode().split("\n")[1])
+        process, host, program, since = (holder[name] for name in ("process", "host", "program", "since"))
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return "another program is writing it"
     if (process, host) == (os.getpid(), socket.gethostname()):

@@ -23,7 +23,7 @@ WORTH = 400_000  # ns of work; waking a thread takes 100,000, on a loaded machin
 PIECES = 2  # at least, for each thread: who is late leaves more to the others
 
 
-def _cores():
+def cores():
     """How many cores this process may use."""
     if hasattr(os, "sched_getaffinity"):  # not on macOS and Windows
         return len(os.sched_getaffinity(0))
@@ -31,14 +31,14 @@ def _cores():
 
 
 def _threads_at_start():
-    wanted = os.environ.get("FLOCKBRUSH_THREADS", "")
-    if not wanted:
-        return _cores()
-    if wanted.isdecimal() and int(wanted):
-        return int(wanted)
-    message = f"FLOCKBRUSH_THREADS must be a whole number of at least 1, got {wanted!r}; using all cores"
+    setting = os.environ.get("FLOCKBRUSH_THREADS", "")
+    if not setting:
+        return cores()
+    if setting.isdecimal() and int(setting):
+        return int(setting)
+    message = f"FLOCKBRUSH_THREADS must be a whole number of at least 1, got {setting!r}; using all cores"
     warnings.warn(Advice(message), stacklevel=2)
-    return _cores()
+    return cores()
 
 
 _threads = _threads_at_start()

@@ -50,8 +50,8 @@ def json_lines(path):
         for _ in range(STATE_LINES + 1):
             line = file.readline(JSON_LINE_BYTES + 1)
             if len(line) > JSON_LINE_BYTES:
-                raise ValueError(f"it has a line of more than {JSON_LINE_BYTES.told}")
+                raise ValueError(f"it has a line of more than {JSON_LINE_BYTES.text}")
             if not line.endswith(b"\n"):
                 return
             yield parsed(line)
-    raise ValueError(f"it has more than {STATE_LINES.told}")
+    raise ValueError(f"it has more than {STATE_LINES.text}")

@@ -11,7 +11,7 @@ _UNSAFE = re.compile(f"[{_CONTROLS}{_DIRECTIONS}]")
 
 def plain(text) -> str:
     r"""The text with control characters spelled as Python does, such as ``\x1b``; tabs and line feeds stay."""
-    return _UNSAFE.sub(lambda found: _spelled(found.group()), str(text))
+    return _UNSAFE.sub(lambda match: _spelled(match.group()), str(text))
 
 
 def one_line(text) -> str:
@@ -21,7 +21,7 @@ def one_line(text) -> str:
 
 def plain_json(text) -> str:
     r"""JSON with the same characters escaped as ``\u001b``: another text for the same data."""
-    return _UNSAFE.sub(lambda found: f"\\u{ord(found.group()):04x}", text)
+    return _UNSAFE.sub(lambda match: f"\\u{ord(match.group()):04x}", text)
 
 
 def _spelled(character):

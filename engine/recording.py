@@ -179,7 +179,7 @@ class Recorder:
         self.hash_every = min(max(1, int(hash_every)), limits.SILENT_TICKS)
         self.keyframes = keyframes if isinstance(keyframes, KeyframeSpacing) else KeyframeSpacing(int(keyframes))
         clock = world.resource(Clock)
-        self._told = len(world.resource(Commands).log)
+        self._written = len(world.resource(Commands).log)
         self._flushed, self._first, self._kept = clock.now, clock.tick, -1
         self._trail = Trail()
         self._keep_hash(clock.tick)  # a level that is built differently shows before the first tick
@@ -188,16 +188,16 @@ class Recorder:
     def take(self):
         """Keep what is new since the last time; flushed at least once in a simulated second."""
         clock, log = self.world.resource(Clock), self.world.resource(Commands).log
-        for tick, cmd in log[self._told :]:
+        for tick, cmd in log[self._written :]:
             self.recording.command(tick, cmd)
-        told, self._told = self._told, len(log)
+        before, self._written = self._written, len(log)
         if clock.tick % self.hash_every == 0:
             self._keep_hash(clock.tick)
         if self.keyframes.passed(len(self.world.agents)):
             self._keep_state(clock.tick)
         elif clock.tick == self._first + 1:  # where other code shows, as a rule
             self._keep_ends(clock.tick)
-        if clock.now - self._flushed >= 1 or told != self._told:
+        if clock.now - self._flushed >= 1 or before != self._written:
             self.recording.flush()
             self._flushed = clock.now
 
@@ -323,7 +323,7 @@ def _encoded_header(path, header, assets):
         if not is_plain(name):
             raise RecordingError(f"{path}: {name!r} is not a path relative to the level")
     if sum(map(len, assets.values())) > limits.RECORDING_ASSETS_BYTES:
-        raise RecordingError(f"{path}: the level's files are more than {limits.RECORDING_ASSETS_BYTES.told}")
+        raise RecordingError(f"{path}: the level's files are more than {limits.RECORDING_ASSETS_BYTES.text}")
     table = {name: {"sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)} for name, data in assets.items()}
     whole = {**header, "format": FORMAT, "packages": package_versions(), "assets": table}
     try:

@@ -73,11 +73,11 @@ def record_of(kind, tick, parts):
 
 def packed_size(parts):
     """About how many bytes `record_of` makes of these parts; of long ones only the beginning is packed."""
-    told = 0.0
+    size = 0.0
     for part in map(memoryview, parts):
         some = part.cast("B")[:_SOME] if part.nbytes else part
-        told += len(zlib.compress(some, 1)) * part.nbytes / max(len(some), 1)
-    return round(told)
+        size += len(zlib.compress(some, 1)) * part.nbytes / max(len(some), 1)
+    return round(size)
 
 
 class CommandRoom:
@@ -91,9 +91,9 @@ class CommandRoom:
         self._bytes += len(text)
         self._values += 1 + text.count(b",") + text.count(b"[") + text.count(b"{")
         if self._bytes > limits.RECORDING_COMMANDS_BYTES:
-            raise RecordingError(f"{self.path}: its commands are more than {limits.RECORDING_COMMANDS_BYTES.told}")
+            raise RecordingError(f"{self.path}: its commands are more than {limits.RECORDING_COMMANDS_BYTES.text}")
         if self._values > limits.RECORDING_VALUES:
-            raise RecordingError(f"{self.path}: its commands hold more than {limits.RECORDING_VALUES.told}")
+            raise RecordingError(f"{self.path}: its commands hold more than {limits.RECORDING_VALUES.text}")
 
 
 def failed(path, what, error):

@@ -25,7 +25,7 @@ def mistake_in(header) -> str | None:
         if name in header and not fits(header[name]):
             return f"{name} must be {right}, got {_shown(header[name])}"
     if sum(entry["bytes"] for entry in header["assets"].values()) > limits.RECORDING_ASSETS_BYTES:
-        return f"it lists files of more than {limits.RECORDING_ASSETS_BYTES.told}"
+        return f"it lists files of more than {limits.RECORDING_ASSETS_BYTES.text}"
     return None
 
 

@@ -111,13 +111,13 @@ class Schedule:
 
     def ambiguities(self):
         """(name, name, shared) of systems of one stage of which one writes what the other touches."""
-        found = []
+        ambiguous = []
         for a, b in combinations(self.systems, 2):
             if a.stage == b.stage:
                 shared = _overlap(a.writes, (*b.reads, *b.writes)) | _overlap(b.writes, a.reads)
                 if shared:
-                    found.append((type(a).__name__, type(b).__name__, shared))
-        return found
+                    ambiguous.append((type(a).__name__, type(b).__name__, shared))
+        return ambiguous
 
     def undeclared_writes(self, world):
         """Run one tick and return (system, type) of each system that changed data it does not declare as written.
@@ -125,16 +125,16 @@ class Schedule:
         Slow, for tests.  It sees the columns of animals that live before and
         after the system, and resources with a ``state``.
         """
-        found = []
+        undeclared = []
         for system in self.systems:
             before = _watched(world)
             system.process(world)
             after = _watched(world)
             changed = [kind for kind in before if kind in after and _differ(before[kind], after[kind])]
             allowed = tuple(system.writes)
-            found += [(type(system).__name__, kind.__name__) for kind in changed if not issubclass(kind, allowed)]
+            undeclared += [(type(system).__name__, kind.__name__) for kind in changed if not issubclass(kind, allowed)]
         world.flush()
-        return found
+        return undeclared
 
 
 def _overlap(some, others):
@@ -150,15 +150,15 @@ def _in_words(a, b, shared):
 def _watched(world):
     """{type: [copies]} of all columns and of all states of resources."""
     agents = world.agents
-    seen = {kind: [agents.ids.copy(), *(agents[f].copy() for f in kind.fields.values())] for kind in agents.kinds}
-    return seen | {type(r): r.state() for r in world.resources() if hasattr(r, "state")}
+    columns = {kind: [agents.ids.copy(), *(agents[f].copy() for f in kind.fields.values())] for kind in agents.kinds}
+    return columns | {type(r): r.state() for r in world.resources() if hasattr(r, "state")}
 
 
 def _differ(before, after):
     if isinstance(before, bytes):
         return before != after
-    stay, there = np.isin(before[0], after[0]), np.isin(after[0], before[0])
+    stay, kept_after = np.isin(before[0], after[0]), np.isin(after[0], before[0])
     return any(
-        not np.array_equal(old[stay], new[there], equal_nan=old.dtype.kind == "f")
+        not np.array_equal(old[stay], new[kept_after], equal_nan=old.dtype.kind == "f")
         for old, new in zip(before[1:], after[1:], strict=True)
     )

@@ -16,7 +16,7 @@ class Scratch:
     def take(self, name, shape, dtype=np.float64):
         """An array of this shape, not cleared."""
         size = math.prod(shape)
-        kept = self._arrays.get(name)
-        if kept is None or len(kept) < size or kept.dtype != dtype:
-            kept = self._arrays[name] = np.empty(size + size // 4, dtype)
-        return kept[:size].reshape(shape)
+        array = self._arrays.get(name)
+        if array is None or len(array) < size or array.dtype != dtype:
+            array = self._arrays[name] = np.empty(size + size // 4, dtype)
+        return array[:size].reshape(shape)

@@ -63,27 +63,27 @@ def take(house, place):
 def _cpu_of(table):
     """The best processor of a table that this one can stand in for; None where there is none, or no table."""
     try:
-        told = json.loads(table.read_text(encoding="utf-8"))
+        names = json.loads(table.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    if told["kind"] != kind():
+    if names["kind"] != kind():
         return None
     import llvmlite.binding
 
     able = llvmlite.binding.get_host_cpu_features()
-    return next((cpu for cpu in CPUS if cpu in told["cpus"] and all(map(able.get, CPUS[cpu]))), None)
+    return next((cpu for cpu in CPUS if cpu in names["cpus"] and all(map(able.get, CPUS[cpu]))), None)
 
 
 def _copy(shipped, house, place):
     """Copy what is shipped to where numba looks for it; once."""
-    done = place / f"{cache_name(house)}.json"
-    if done.exists():
+    marker = place / f"{cache_name(house)}.json"
+    if marker.exists():
         return
     files = [path for path in shipped.rglob("*") if path.is_file() and path.parent != shipped]
     for path in sorted(files, key=lambda path: path.suffix):  # what an index names is there before it
         sources = house / "flockbrush" / path.parent.relative_to(shipped)
         _copy_whole(path, place / cache_name(sources) / path.name)
-    _copy_whole(shipped / TABLE, done)
+    _copy_whole(shipped / TABLE, marker)
 
 
 def _copy_whole(path, to):

@@ -69,7 +69,7 @@ def polyhedron(points, opaque=True):
     """
     points = np.unique(np.asarray(points, float), axis=0)
     middle = points.mean(0)
-    found = {}
+    planes = {}
     for i, j, k in itertools.combinations(range(len(points)), 3):
         normal = np.cross(points[j] - points[i], points[k] - points[i])
         size = np.sqrt(normal @ normal)
@@ -82,8 +82,8 @@ def polyhedron(points, opaque=True):
         if away.max() > FLAT:
             normal, away = -normal, -away
         corners = tuple(np.flatnonzero(away > -FLAT))
-        found.setdefault(corners, np.array([*normal, normal @ points[i]]))
-    faces = list(found.items())
+        planes.setdefault(corners, np.array([*normal, normal @ points[i]]))
+    faces = list(planes.items())
     if len(faces) < 4 or (middle @ faces[0][1][:3] - faces[0][1][3]) > -FLAT:
         raise ValueError("the points of a polyhedron must not lie in one plane")
     edges, sides = [], []

@@ -216,17 +216,17 @@ def check_beginning(world, beginning, size):
     StateError
     """
     columns, sizes, end = _contents(beginning)
-    mine = {repr(f): [f.default.dtype.str, list(f.default.shape)] for f in _fields(world)}
-    if columns != mine:
-        odd = sorted(name for name in {**columns, **mine} if columns.get(name) != mine.get(name))
+    expected = {repr(f): [f.default.dtype.str, list(f.default.shape)] for f in _fields(world)}
+    if columns != expected:
+        odd = sorted(name for name in {**columns, **expected} if columns.get(name) != expected.get(name))
         raise StateError(f"the snapshot is of another kind of world: column {odd[0]} differs")
     if min(sizes.values(), default=0) < 0 or end + sum(sizes.values()) != size:
         raise StateError("the snapshot is damaged: it is not as long as it says")
-    if {"entities", "ids", *mine} - set(sizes) or sizes["ids"] % 8:
+    if {"entities", "ids", *expected} - set(sizes) or sizes["ids"] % 8:
         raise StateError("the snapshot is damaged: something is missing in it")
-    others = sum(sizes.values()) - sum(sizes[name] for name in ("ids", *mine))
+    others = sum(sizes.values()) - sum(sizes[name] for name in ("ids", *expected))
     if sizes["ids"] > 8 * limits.ANIMALS or others > limits.SNAPSHOT_OTHERS_BYTES:
-        raise StateError(f"the snapshot is damaged: it has more than {limits.ANIMALS.told}, or too much beside them")
+        raise StateError(f"the snapshot is damaged: it has more than {limits.ANIMALS.text}, or too much beside them")
     for field in _fields(world):
         if sizes[repr(field)] != sizes["ids"] // 8 * field.default.nbytes:
             raise StateError(f"the snapshot is damaged: column {field!r} has not one row for each agent")
@@ -263,9 +263,9 @@ def _plain_of(world, encoded):
         plain, next_entity = {int(entity): list(kinds) for entity, kinds in pairs}, int(next_entity)
     except (ValueError, TypeError, RecursionError):
         raise StateError("the snapshot is damaged: its entities cannot be read") from None
-    here = set(world.plain_entities())
+    existing = set(world.plain_entities())
     for entity, kinds in plain.items():
-        if entity not in here:
+        if entity not in existing:
             raise StateError(
                 f"the snapshot is of another world: entity {entity} ({', '.join(kinds)}) is not in this one"
             )

@@ -46,17 +46,17 @@ def compare(world, one, other):
     """
     first, second = parts_of(world, one), parts_of(world, other)
     ids = _ids(first.pop("ids")), _ids(second.pop("ids"))
-    found = list(_who_lives(*ids))
+    differences = list(_who_lives(*ids))
     common = np.intersect1d(*ids)
     rows = [np.searchsorted(who, common) for who in ids]
     for name, field in world.agents.fields.items():
         pair = [column_of(field, part.pop(name), len(who)) for part, who in ((first, ids[0]), (second, ids[1]))]
-        found += _in_column(name, common, pair[0][rows[0]], pair[1][rows[1]])
+        differences += _in_column(name, common, pair[0][rows[0]], pair[1][rows[1]])
     aside = {f"resource {type(r).__name__}" for r in world.resources() if not getattr(r, "hashed", True)}
     for name in sorted({*first, *second} - aside):
         if first.get(name) != second.get(name):
-            found.append(Difference(name, None, [], *_excerpts(first.get(name), second.get(name)), None))
-    return found
+            differences.append(Difference(name, None, [], *_excerpts(first.get(name), second.get(name)), None))
+    return differences
 
 
 def _ids(data):

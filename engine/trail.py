@@ -41,10 +41,10 @@ class Trail:
         """
         marks = marks | traces(world)
         changed = [name for name, mark in marks.items() if self._marks.get(name) != mark]
-        gone = [name for name in self._marks if name not in marks]
+        removed = [name for name in self._marks if name not in marks]
         self._marks = marks
         values = values_of(world, {name: marks[name] for name in changed})
-        return b"".join(self._entry(name, values.get(name, b"")) for name in (*changed, *gone))
+        return b"".join(self._entry(name, values.get(name, b"")) for name in (*changed, *removed))
 
     def _entry(self, name, value):
         known = name in self._numbers
@@ -99,8 +99,8 @@ def _value(column, mark):
 
 def traces(world):
     """{name: digest} of what is made anew in every tick and is no part of the state: resources with a ``trace()``."""
-    made = ((f"resource {type(r).__name__}", r.trace()) for r in world.resources() if hasattr(r, "trace"))
-    return {name: digest_of(arrays) for name, arrays in made}
+    named_arrays = ((f"resource {type(r).__name__}", r.trace()) for r in world.resources() if hasattr(r, "trace"))
+    return {name: digest_of(arrays) for name, arrays in named_arrays}
 
 
 def words_of(column):

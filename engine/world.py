@@ -98,9 +98,9 @@ class World:
         unknown = [type(c).__name__ for c in columns if type(c) not in self.agents.kinds]
         if unknown:
             raise TypeError(f"{self.name} has no columns for {', '.join(unknown)}")
-        taken = [c for c in columns if not isinstance(c._home, dict)]
-        if taken:
-            raise ValueError(f"this {type(taken[0]).__name__} belongs to agent {taken[0]._entity} already")
+        in_columns = [c for c in columns if not isinstance(c._home, dict)]
+        if in_columns:
+            raise ValueError(f"this {type(in_columns[0]).__name__} belongs to agent {in_columns[0]._entity} already")
         entity = esper.create_entity(*(c for c in components if not isinstance(c, Component)))
         if columns:
             self.agents.append([entity])
@@ -172,12 +172,12 @@ class World:
         """
         if not self._dying:
             return
-        gone = self._dying & self._agent_set
+        dead = self._dying & self._agent_set
         self._dying = set()
         self._clear_dead()
-        self._agent_set -= gone
-        if gone:
-            self.agents.remove(gone)
+        self._agent_set -= dead
+        if dead:
+            self.agents.remove(dead)
 
     @in_its_context
     def _clear_dead(self):
@@ -257,17 +257,17 @@ class World:
             Plain entities to keep; all others go.
         next_entity : int
         """
-        kept = set(plain)
+        kept_ids = set(plain)
         for entity in self.plain_entities():
-            if entity not in kept:
+            if entity not in kept_ids:
                 esper.delete_entity(entity, immediate=True)
-        wanted = set(np.asarray(ids).tolist())
-        for entity in self._agent_set - wanted:
+        new_ids = set(np.asarray(ids).tolist())
+        for entity in self._agent_set - new_ids:
             esper.delete_entity(entity, immediate=True)
         esper._dead_entities.clear()
         self._dying = set()
-        born = sorted(wanted - self._agent_set)
-        self._agent_set.intersection_update(wanted)
+        born = sorted(new_ids - self._agent_set)
+        self._agent_set.intersection_update(new_ids)
         self.agents.replace(ids, columns)
         self._register(born)
         self._counter.next = int(next_entity)

@@ -58,7 +58,7 @@ def adopt(source, output=None, metres_per_tile=1.0) -> Adoption:
     source : path
         A ``.tmx``, ``.tmj`` or ``.json`` file of Tiled; it is only read.
     output : path, optional
-        Of the level, ``.tmj``; beside the map, with its name, unless told.
+        Of the level, ``.tmj``; beside the map, with its name, by default.
     metres_per_tile : float
 
     Raises
@@ -68,9 +68,9 @@ def adopt(source, output=None, metres_per_tile=1.0) -> Adoption:
     """
     source = Path(source)
     output = _output_of(source, output)
-    theirs, reader = _read(source)
-    _refuse_others(source, theirs)
-    document = copy.deepcopy(theirs)
+    source_map, reader = _read(source)
+    _refuse_others(source, source_map)
+    document = copy.deepcopy(source_map)
     if output.parent.resolve() != source.parent.resolve():
         _move(document, source.parent.resolve(), output.parent.resolve())
     tilesets = [tileset.node for tileset in reader.tiles.tilesets]
@@ -129,8 +129,8 @@ def _read(source):
 
 
 def _refuse_others(source, document):
-    told = {entry.get("name") for entry in document.get("properties", []) if isinstance(entry, dict)}
-    if "schema" in told or any(node.get("name") == GROUP for node in _nodes(document["layers"])):
+    properties = {entry.get("name") for entry in document.get("properties", []) if isinstance(entry, dict)}
+    if "schema" in properties or any(node.get("name") == GROUP for node in _nodes(document["layers"])):
         raise refused(
             source, f"is already a level, or has layers named '{GROUP}'; check it with flockbrush level check"
         )

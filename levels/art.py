@@ -223,14 +223,14 @@ class Art:
     def _lay_object(self, canvas, layer, thing):
         import cv2
 
-        found = self._tile(thing.gid, layer)
+        tile = self._tile(thing.gid, layer)
         self._single += 1
-        if found is None or self._single > limits.ART_TILES:
+        if tile is None or self._single > limits.ART_TILES:
             return
         scale = self.side / self.tile
         wide, tall = thing.width * scale, thing.height * scale
         x, y = (thing.x + layer.dx) * scale, (thing.y + layer.dy) * scale
-        picture, turned = found[0], math.radians(thing.rotation)
+        picture, turned = tile[0], math.radians(thing.rotation)
         c, s = math.cos(turned), math.sin(turned)
         kx, ky = wide / picture.shape[1], tall / picture.shape[0]
         corners = np.array([[0, -tall], [wide, -tall], [wide, 0], [0, 0]]) @ np.array([[c, s], [-s, c]]) + (x, y)

@@ -29,7 +29,7 @@ class ArtReader:
 
     def read(self, level, layers):
         """Read layers, the lowest first; ours come after them."""
-        drawn, used = [], set()
+        drawn_layers, used = [], set()
         for layer in layers:
             layer.flags = True
             art = self._layer(layer)
@@ -38,10 +38,10 @@ class ArtReader:
             if art.gids is not None and self.rules.rules:
                 self._paint(level, art)
             if not layer.hidden and not _is_note(layer.name):
-                drawn.append(art)
+                drawn_layers.append(art)
                 used |= _tiles_of(art)
-        if drawn:
-            self._keep(level, drawn, used)
+        if drawn_layers:
+            self._keep(level, drawn_layers, used)
 
     def finish(self, level):
         """Tell the artwork where our own layers have painted ground over it."""
@@ -89,7 +89,7 @@ class ArtReader:
 
     # ------------------------------------------------------------ pictures
 
-    def _keep(self, level, drawn, used):
+    def _keep(self, level, layers, used):
         """Keep what is needed to draw: the pictures of the tilesets that are used, among the level's files."""
         tilesets = []
         for tileset in self.reader.tiles.tilesets:
@@ -98,15 +98,15 @@ class ArtReader:
             if numbers:
                 self._read_pictures(tileset, numbers)
             tilesets.append((tileset.firstgid, pictures))
-        level.art = Art(drawn, tilesets, (self.frame.ny, self.frame.nx), self.frame.tile, self.reader.files.got)
+        level.art = Art(layers, tilesets, (self.frame.ny, self.frame.nx), self.frame.tile, self.reader.files.got)
 
     def _read_pictures(self, tileset, numbers):
         place = self.reader.place.at(tileset.node, f"tileset {tileset.name!r}")
         if tileset.node.get("image"):
             self._read(tileset.folder, tileset.node["image"], place)
-        wanted = set(numbers)
+        gids = set(numbers)
         for tile in dicts(tileset.node, "tiles"):
-            if tile.get("id") in wanted and tile.get("image"):
+            if tile.get("id") in gids and tile.get("image"):
                 self._read(tileset.folder, tile["image"], place)
 
     def _read(self, folder, name, place):
@@ -145,8 +145,8 @@ class ArtReader:
 
 def _tiles_of(art):
     """Global tile ids, without flags, that a layer draws."""
-    found = {thing.gid & int(_NO_FLAGS) for thing in art.objects}
-    return found if art.gids is None else found | set(np.unique(art.gids[art.gids > 0] & _NO_FLAGS).tolist())
+    gids = {thing.gid & int(_NO_FLAGS) for thing in art.objects}
+    return gids if art.gids is None else gids | set(np.unique(art.gids[art.gids > 0] & _NO_FLAGS).tolist())
 
 
 def _is_note(name):

@@ -39,7 +39,7 @@ from flockbrush.systems.landscape import (
     Native,
     Painted,
 )
-from flockbrush.systems.life import Live, Nursery, bear, births_due
+from flockbrush.systems.life import Live, Nursery, births_due, spawn_animals
 from flockbrush.systems.marks import MapMarks
 from flockbrush.systems.motion import Move
 from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed
@@ -53,11 +53,9 @@ from flockbrush.systems.senses import (
     Near,
     ObstaclesInSight,
     See,
-    SeeByHiddenPoints,
     SeeInSpace,
     SeeObstacles,
     Sight,
-    SightByHiddenPoints,
     SightInSpace,
 )
 from flockbrush.systems.spawning import INNER
@@ -113,10 +111,10 @@ class Simulation:
         """All files this simulation was made from, as bytes by name; a recording embeds them."""
         palette = self.world.resource(Palette)
         species = [one for one in self.world.resource(SpeciesList).assets if one is not None]
-        named = {f"brushes/{b.name}.brush.toml": b.source for b in palette.own} | self.level.paths
-        named |= {f"species/{one.name}.species.toml": one.source for one in species}
+        files = {f"brushes/{b.name}.brush.toml": b.source for b in palette.own} | self.level.paths
+        files |= {f"species/{one.name}.species.toml": one.source for one in species}
         programs = self.world.resource(Programs).programs
-        return self.level.files | named | {f"programs/{p.name}.program.toml": p.source for p in programs}
+        return self.level.files | files | {f"programs/{p.name}.program.toml": p.source for p in programs}
 
     def event(self, name, x=0.0, y=0.0, radius=0.0):
         """Send a named event to programs in the next tick: for all animals, or those within a radius (m) of a place."""
@@ -142,7 +140,6 @@ def systems():
         Underfoot(),
         FindNeighbours(),
         See(),
-        SeeByHiddenPoints(),
         SeeObstacles(),
         SeeInSpace(),
         SeeAhead(),
@@ -175,7 +172,7 @@ def build(
         So many animals in all, instead of the level's counts; spawn areas are scaled so that density stays, and
         the map grows where they would not fit.
     library : BrushLibrary, optional
-        Where brushes are looked up; the shipped ones unless told.
+        Where brushes are looked up; the shipped ones by default.
     shuffle_seed : int, optional
         Shuffle systems inside their stages: a test that order does not matter.
 
@@ -198,7 +195,6 @@ def build(
         palette,
         Near(),
         Sight(),
-        SightByHiddenPoints(),
         ObstaclesInSight(),
         SightInSpace(),
         Ahead(),
@@ -218,11 +214,11 @@ def _palette(level, library):
     brushes, over, paths = [library.get(name) for name in brushes_used(level)], mixed_brushes(level), {}
     level.paths = {}
     for start, end in itertools.product(brushes, over):
-        found = path_between(library, start.name, end) if start.name != end else None
-        if found is not None:
+        path = path_between(library, start.name, end) if start.name != end else None
+        if path is not None:
             file, source = library.path_between(start.name, end)
             level.paths[f"brushes/{file}"] = source
-            paths[start.name, end] = found
+            paths[start.name, end] = path
     return Palette(brushes, over, paths)
 
 
@@ -326,7 +322,7 @@ def _bear_first(world, level):
         if births_due(spawn, 0.0) >= spawn.count > 0 and spawn.start <= 0:
             born = spawn.count
             try:
-                bear(world, spawn, spawn.count, f"spawn {spawn.id}")
+                spawn_animals(world, spawn, spawn.count, f"spawn {spawn.id}")
             except NoRoom as full:
                 problems.append(_no_room(level, spawn, full))
         nursery.put(replace(spawn), born)

@@ -99,10 +99,10 @@ class _Checks:
     def names(self):
         """Goals are sent for by name; counts and densities are reported by name."""
         for what, things in (("goals", self.level.goals), ("measures", self.level.lines + self.level.areas)):
-            seen = defaultdict(list)
+            places = defaultdict(list)
             for thing in things:
-                seen[thing.name].append(thing)
-            for name, same in seen.items():
+                places[thing.name].append(thing)
+            for name, same in places.items():
                 for thing in same[1:]:
                     self.place(thing).say(f"two {what} have the name {name[:60]!r}; the other is object {same[0].id}")
 
@@ -250,12 +250,12 @@ class _Checks:
     def complete(self, key, known):
         """What a command wants and the properties leave out, the drawn object says: x, y, radius, points."""
         kind, points = self.objects.key_shapes[key.id]
-        drawn = {"x": float(key.xy[0]), "y": float(key.xy[1]), "points": points.tolist()}
+        shape = {"x": float(key.xy[0]), "y": float(key.xy[1]), "points": points.tolist()}
         if kind == "area":
-            drawn["radius"] = math.sqrt(geometry.signed_area(points) / math.pi)
+            shape["radius"] = math.sqrt(geometry.signed_area(points) / math.pi)
         for name in known:
-            if name in drawn and name not in key.args:
-                key.args[name] = drawn[name]
+            if name in shape and name not in key.args:
+                key.args[name] = shape[name]
 
 
 _WORDS = {"float": "a number", "int": "a whole number", "bool": "true or false", "str": "a string"}

@@ -12,12 +12,12 @@ def is_class(entry, cls):
 
 def binds_some(node):
     """Whether a brush layer says whom it binds or how strongly: what is painted by hand belongs to none of those."""
-    cls, told = CLASSES["BrushLayer"], {}
+    cls, properties = CLASSES["BrushLayer"], {}
     for entry in node.get("properties", []):
-        told |= entry["value"] if is_class(entry, cls) and isinstance(entry["value"], dict) else {
+        properties |= entry["value"] if is_class(entry, cls) and isinstance(entry["value"], dict) else {
             entry["name"]: entry["value"]
         }  # fmt: skip
-    return any(told.get(one.name, one.default) != one.default for one in cls.properties)
+    return any(properties.get(one.name, one.default) != one.default for one in cls.properties)
 
 
 def every_layer(nodes):

@@ -42,9 +42,9 @@ class Editor(CommandStack):
     document : Document
         Edited in place.
     library : BrushLibrary, optional
-        The brushes there are; those the level can name unless told.
+        The brushes there are; those the level can name by default.
     files : DiskFiles or MemoryFiles, optional
-        Where its tilesets are; beside the level unless told.
+        Where its tilesets are; beside the level by default.
 
     Raises
     ------
@@ -134,8 +134,8 @@ class Editor(CommandStack):
         step = self.note(label, commands, back, tick, join)
         step.changes = [*(step.changes or []), *changes]
         step.serial = self._next_serial()
-        told = {"label": label, "commands": _told(commands), "back": _told(back), "join": join}
-        self._note("do", tick, serial=step.serial, **told)
+        entry = {"label": label, "commands": _records(commands), "back": _records(back), "join": join}
+        self._note("do", tick, serial=step.serial, **entry)
 
     def undo(self, tick=0, again=None):
         """Take the last step back in the document; the commands that do so in the world.
@@ -150,7 +150,7 @@ class Editor(CommandStack):
             change.back()
         self.take_back()
         step.again = None if again is None else list(again)
-        self._note("undo", tick, again=None if again is None else _told(again))
+        self._note("undo", tick, again=None if again is None else _records(again))
         return list(step.back)
 
     def redo(self, tick=0, back=None):
@@ -171,7 +171,7 @@ class Editor(CommandStack):
         self.do_again()
         if back is not None:
             step.back = list(back)
-        self._note("redo", tick, serial=step.serial, back=None if back is None else _told(back))
+        self._note("redo", tick, serial=step.serial, back=None if back is None else _records(back))
         return step.forward()
 
     def _change(self, commands):
@@ -203,12 +203,12 @@ class Editor(CommandStack):
         """
         early = [event for event in self._events if event["tick"] < tick + after or event["event"] == "save"]
         other = self._replayed(early)
-        known, mine = ([step.serial for step in each.done] for each in (other, self))
-        later = self.done[len(known) :] if mine[: len(known)] == known else []
+        known, own_serials = ([step.serial for step in each.done] for each in (other, self))
+        later = self.done[len(known) :] if own_serials[: len(known)] == known else []
         if later:  # built on what is there; after an undo it would be built on something else
             other.undone = [step.copy() for step in reversed(later)]
         other._serial, other._saved, other._highest = self._serial, self._saved, self._highest
-        other._note("ahead", tick, steps=[_step_told(step) for step in other.undone])
+        other._note("ahead", tick, steps=[_step_record(step) for step in other.undone])
         return other
 
     def restarted(self) -> Editor:
@@ -217,14 +217,14 @@ class Editor(CommandStack):
         What a step would do to single animals is forgotten, for they are born anew.
         """
         self.sheet.settle()
-        kept = {id(thing): thing for thing in (self.library, *self.sheet.constants())}
-        other = copy.deepcopy(self, {**kept, id(self._journal): None})
+        shared = {id(thing): thing for thing in (self.library, *self.sheet.constants())}
+        other = copy.deepcopy(self, {**shared, id(self._journal): None})
         other.sheet.find_grids()
         for event in other._events:
             event |= {"tick": 0} | {key: _of_nobody(event[key]) for key in ("back", "again") if event.get(key)}
         for step in (*other.done, *other.undone):
             step.tick, step.again = 0, None
-            step.back = _commands(_of_nobody(_told(step.back)))
+            step.back = _commands(_of_nobody(_records(step.back)))
         return other
 
     def _replayed(self, events):
@@ -295,17 +295,17 @@ class Editor(CommandStack):
 
     def _copied(self, to):
         """{name in the file: new name} of what a file in another folder calls differently, copied where needed."""
-        here, there = self.path.parent.resolve(), to.parent.resolve()
-        if here == there:
+        source_folder, target_folder = self.path.parent.resolve(), to.parent.resolve()
+        if source_folder == target_folder:
             return {}
         moved, root = {}, project_folder(to)
         for name in self._named():
-            source = Path(os.path.normpath(here / name))
+            source = Path(os.path.normpath(source_folder / name))
             if source.is_relative_to(root):
-                new = PurePosixPath(os.path.relpath(source, there).replace(os.sep, "/")).as_posix()
+                new = PurePosixPath(os.path.relpath(source, target_folder).replace(os.sep, "/")).as_posix()
             else:
                 new = f"tilesets/{source.name}" if name.endswith(".tsj") else source.name
-                _copy_beside(source, there / new)
+                _copy_beside(source, target_folder / new)
             if new != name:
                 moved[name] = new
         return moved
@@ -314,8 +314,8 @@ class Editor(CommandStack):
         """Every file that the document names."""
         data = self._document.data
         own = {entry["image"] for entry, _ in self.sheet.tiles.playgrounds()}
-        named = [e[k] for e in data.get("tilesets", []) for k in ("source", "image") if k in e and e[k] not in own]
-        return list(dict.fromkeys(named + [n["image"] for n, *_ in self.sheet.layers() if n.get("image")]))
+        file_names = [e[k] for e in data.get("tilesets", []) for k in ("source", "image") if k in e and e[k] not in own]
+        return list(dict.fromkeys(file_names + [n["image"] for n, *_ in self.sheet.layers() if n.get("image")]))
 
     # ------------------------------------------------------------ the journal
 
@@ -349,9 +349,9 @@ class Editor(CommandStack):
             self._journal.close()
             self._journal = None
 
-    def _note(self, event, tick, **told):
+    def _note(self, event, tick, **values):
         """Keep an event, and hand it to the system at once: a crash of this program cannot take it back."""
-        self._events.append({"event": event, "tick": tick, **told})
+        self._events.append({"event": event, "tick": tick, **values})
         if self._journal is None:
             return
         try:
@@ -396,27 +396,27 @@ def _document(text, path):
     return Document(json.loads(text), path)
 
 
-def _told(commands):
+def _records(commands):
     return [list(to_record(command)) for command in commands]
 
 
-def _commands(told):
-    return [from_record(name, values) for name, values in told]
+def _commands(records):
+    return [from_record(name, values) for name, values in records]
 
 
-def _of_nobody(told):
-    """Commands, as `_told`, without those that name single animals."""
-    return [[name, values] for name, values in told if "entities" not in values]
+def _of_nobody(records):
+    """Commands, as `_records`, without those that name single animals."""
+    return [[name, values] for name, values in records if "entities" not in values]
 
 
-def _step_told(step):
-    sides = {"commands": _told(step.commands), "back": _told(step.back)}
+def _step_record(step):
+    sides = {"commands": _records(step.commands), "back": _records(step.back)}
     return {"label": step.label, "tick": step.tick, "join": step.join, "serial": step.serial, **sides}
 
 
-def _step_of(told):
-    sides = _commands(told["commands"]), _commands(told["back"])
-    return EditStep(told["label"], *sides, told["tick"], told["join"], told["serial"])
+def _step_of(record):
+    sides = _commands(record["commands"]), _commands(record["back"])
+    return EditStep(record["label"], *sides, record["tick"], record["join"], record["serial"])
 
 
 def _copy_beside(source, target):

@@ -141,11 +141,11 @@ def _side(u, v, w):
 def inside(points, polygon):
     """Which points lie in the polygon, (n,) bool."""
     x, y = np.asarray(points, float).T
-    found = np.zeros(len(x), bool)
+    within = np.zeros(len(x), bool)
     for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         if ay != by:
-            found ^= ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
-    return found
+            within ^= ((ay > y) != (by > y)) & (x < (bx - ax) * (y - ay) / (by - ay) + ax)
+    return within
 
 
 def sample(polygon, n=24):
@@ -153,5 +153,5 @@ def sample(polygon, n=24):
     low, high = polygon.min(axis=0), polygon.max(axis=0)
     x, y = (low[k] + (np.arange(n) + 0.5) / n * (high[k] - low[k]) for k in (0, 1))
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    found = grid[inside(grid, polygon)]
-    return found if len(found) else centroid(polygon)[None]
+    points = grid[inside(grid, polygon)]
+    return points if len(points) else centroid(polygon)[None]

@@ -59,7 +59,7 @@ class GroundRules:
                 except Refused as error:
                     tell(f"ground_rules: {line.strip()[:60]!r}: {error}")
         if len(self.rules) > limits.GROUND_RULES:
-            tell(f"ground_rules: there are more than {limits.GROUND_RULES.told}")
+            tell(f"ground_rules: there are more than {limits.GROUND_RULES.text}")
 
     def ground(self, layer, facts):
         """The values of class Terrain for a tile of a layer, or None.
@@ -71,13 +71,13 @@ class GroundRules:
         facts : TileFacts
         """
         for matches, ground, name in self.rules:
-            found = matches(layer, facts)
-            if found is None or found is False:
+            rule = matches(layer, facts)
+            if rule is None or rule is False:
                 continue
             values = {key: value for key, value in ground.items() if value != OF_PROPERTY}
             for key in ground.keys() - values.keys():
                 try:
-                    values[key] = convert(_TERRAIN.property(key), found)
+                    values[key] = convert(_TERRAIN.property(key), rule)
                 except Refused:
                     return None
             return {**{p.name: p.default for p in _TERRAIN.properties}, "name": name, **values}
@@ -114,7 +114,7 @@ def collides(node):
 
 def terrains_of(tileset):
     """{tile: names of the terrains (Wang colours) that more than half of its corners and edges are}."""
-    found: dict[int, set] = {}
+    terrains: dict[int, set] = {}
     for wangset in dicts(tileset, "wangsets"):
         names = {k + 1: str(colour.get("name", "")) for k, colour in enumerate(dicts(wangset, "colors"))}
         for tile in dicts(wangset, "wangtiles"):
@@ -122,8 +122,8 @@ def terrains_of(tileset):
             marks = [mark for mark in marks if type(mark) is int and mark] if isinstance(marks, list) else []
             for mark, count in Counter(marks).items():
                 if 2 * count > len(marks) and mark in names and type(tile.get("tileid")) is int:
-                    found.setdefault(tile["tileid"], set()).add(names[mark].lower())
-    return found
+                    terrains.setdefault(tile["tileid"], set()).add(names[mark].lower())
+    return terrains
 
 
 def facts_of(tileset):
@@ -170,8 +170,8 @@ def _value(key, text, condition):
         return OF_PROPERTY
     kind = _TERRAIN.property(key)
     try:
-        told = {"bool": {"true": True, "false": False}.get(text, text), "colour": text}.get(kind.kind)
-        return convert(kind, float(text) if told is None else told)
+        parsed = {"bool": {"true": True, "false": False}.get(text, text), "colour": text}.get(kind.kind)
+        return convert(kind, float(text) if parsed is None else parsed)
     except Refused as error:
         raise Refused(f"{key} {error}") from None
     except ValueError:
@@ -243,8 +243,10 @@ def suggested(tilesets, layers) -> list[str]:
         for wangset in dicts(tileset, "wangsets"):
             names = [str(colour.get("name", "")) for colour in dicts(wangset, "colors")]
             rules += [f"terrain {name} = {_WORDS[name.lower()]}" for name in names if name.lower() in _WORDS]
-    named = {name.rsplit("/", 1)[-1] for name in layers}
-    rules += [f"layer {name} = {_WORDS[_first_word(name)]}" for name in sorted(named) if _is_solid(_first_word(name))]
+    base_names = {name.rsplit("/", 1)[-1] for name in layers}
+    rules += [
+        f"layer {name} = {_WORDS[_first_word(name)]}" for name in sorted(base_names) if _is_solid(_first_word(name))
+    ]
     return list(dict.fromkeys(rules))[: limits.GROUND_RULES]
 
 

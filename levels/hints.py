@@ -71,9 +71,9 @@ def mixing_hints(level, places, library, place):
         here = places[thing.id] if hasattr(thing, "polygon") else place
         for start in sorted({spawn.brush for spawn in level.spawns}):
             for end in getattr(thing, "assets", [getattr(thing, "brush", None)]):
-                told = "" if end in (None, start) else _mixing_hint(library, start, end)
-                if told:
-                    here.warn(f"{thing.name!r}: {told}")
+                hint = "" if end in (None, start) else _mixing_hint(library, start, end)
+                if hint:
+                    here.warn(f"{thing.name!r}: {hint}")
 
 
 def _mixing_hint(library, start, end):
@@ -116,9 +116,9 @@ def _unlinked(level):
     """Goals that neither birth, nor a goal before them, nor the script leads to."""
     if not level.goals:
         return []
-    named = {value for key in level.script for value in key.args.values() if isinstance(value, str)}
+    mentioned = {value for key in level.script for value in key.args.values() if isinstance(value, str)}
     followed = {goal.name: goal.next for goal in level.goals}
-    reached, waiting = set(), [level.goals[0].name, *named]
+    reached, waiting = set(), [level.goals[0].name, *mentioned]
     while waiting:
         name = waiting.pop()
         if name in followed and name not in reached:

@@ -47,9 +47,9 @@ def parse(data: bytes, max_depth=limits.JSON_DEPTH) -> object:
     try:
         return _Decoder(max_depth).decode(text)
     except json.JSONDecodeError as error:
-        found = repr(text[error.pos]) if error.pos < len(text) else "the end of the file"
-        said = error.msg[0].lower() + error.msg[1:].removesuffix(" at")
-        raise JsonError(f"not valid JSON: {said}, found {found}", error.lineno) from None
+        token = repr(text[error.pos]) if error.pos < len(text) else "the end of the file"
+        reason = error.msg[0].lower() + error.msg[1:].removesuffix(" at")
+        raise JsonError(f"not valid JSON: {reason}, found {token}", error.lineno) from None
     except _Refused as error:
         raise JsonError(error.message, text.count("\n", 0, error.at) + 1) from None
 
@@ -75,7 +75,7 @@ class _Decoder(json.JSONDecoder):
     def _value(self, text, at):
         self.values += 1
         if self.values > limits.JSON_VALUES:
-            raise _Refused(f"there are more than {limits.JSON_VALUES.told} in this file", at)
+            raise _Refused(f"there are more than {limits.JSON_VALUES.text} in this file", at)
         if self.depth > self.max_depth:
             raise _Refused(f"nested deeper than {self.max_depth} levels", at)
         self.depth += 1

@@ -67,22 +67,24 @@ class LayerReader:
                 place.say("each layer must be an object")
                 continue
             name = prefix + text(node, "name", place)
-            here = self.place.at(node, f"layer {name[:80]!r}")
-            x, y = dx + real(node, "offsetx", here), dy + real(node, "offsety", here)
-            strength = opacity * min(max(real(node, "opacity", here, 1.0), 0.0), 1.0)
-            kind = text(node, "type", here)
+            layer_place = self.place.at(node, f"layer {name[:80]!r}")
+            x, y = dx + real(node, "offsetx", layer_place), dy + real(node, "offsety", layer_place)
+            strength = opacity * min(max(real(node, "opacity", layer_place, 1.0), 0.0), 1.0)
+            kind = text(node, "type", layer_place)
             unseen = hidden or node.get("visible") is False
             if kind == "group":
-                yield from self.walk(node.get("layers"), here, x, y, strength, name + "/", unseen)
+                yield from self.walk(node.get("layers"), layer_place, x, y, strength, name + "/", unseen)
             elif kind in ("tilelayer", "objectgroup", "imagelayer"):
                 self.layers += 1
                 if self.layers > limits.LAYERS:
                     if self.layers == limits.LAYERS + 1:
-                        here.say(f"there are more than {limits.LAYERS} layers")
+                        layer_place.say(f"there are more than {limits.LAYERS} layers")
                     return
-                yield ReadLayer(node, kind, name, x, y, strength, here, unseen)
+                yield ReadLayer(node, kind, name, x, y, strength, layer_place, unseen)
             else:
-                here.say(f"the layer's type is {shown(kind)}; there are tilelayer, objectgroup, imagelayer, group")
+                layer_place.say(
+                    f"the layer's type is {shown(kind)}; there are tilelayer, objectgroup, imagelayer, group"
+                )
 
     def frame(self, doc, layers, metres, place):
         """The size of the map; None with a problem."""

@@ -56,7 +56,7 @@ class DiskFiles:
     def _keep(self, key, data):
         self.got[key] = data
         if sum(map(len, self.got.values())) > limits.LEVEL_BYTES:
-            raise FileRefused(f"makes the files of this level larger than {limits.LEVEL_BYTES.told}")
+            raise FileRefused(f"makes the files of this level larger than {limits.LEVEL_BYTES.text}")
         return data
 
     def _read(self, path: Path) -> bytes:
@@ -127,7 +127,7 @@ class MemoryFiles:
 def checked_size(data: bytes) -> bytes:
     """The content of one file of a level; FileRefused when it is too large."""
     if len(data) > limits.LEVEL_FILE_BYTES:
-        raise FileRefused(f"is larger than {limits.LEVEL_FILE_BYTES.told}")
+        raise FileRefused(f"is larger than {limits.LEVEL_FILE_BYTES.text}")
     return data
 
 

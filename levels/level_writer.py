@@ -170,10 +170,10 @@ class Document:
 
     def layer(self, name):
         """(layer, dx, dy) by name; KeyError with the names there are."""
-        found = {node["name"]: (node, dx, dy) for node, dx, dy in self.layers()}
-        if name not in found:
-            raise KeyError(f"no layer {name!r}{did_you_mean(name, found)}")
-        return found[name]
+        by_name = {node["name"]: (node, dx, dy) for node, dx, dy in self.layers()}
+        if name not in by_name:
+            raise KeyError(f"no layer {name!r}{did_you_mean(name, by_name)}")
+        return by_name[name]
 
     def object(self, number):
         """(object, dx, dy) by id; KeyError."""

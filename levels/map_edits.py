@@ -58,7 +58,7 @@ class EditedMap:
     library : BrushLibrary
         Knows which brush a tile means that names a file.
     files : DiskFiles or MemoryFiles, optional
-        Where the tilesets are read from; beside the level unless told.
+        Where the tilesets are read from; beside the level by default.
 
     Raises
     ------
@@ -135,7 +135,7 @@ class EditedMap:
     def tile_layers(self, layer):
         """The tile layers of a kind that count, in order."""
         tile = self.data["tilewidth"]
-        found = []
+        layers = []
         for node, dx, dy, weight in self.layers():
             if node.get("type") != "tilelayer" or kind_of(node.get("name", "")) != HOME[layer]:
                 continue
@@ -144,8 +144,8 @@ class EditedMap:
             left, top = round(dx / tile) + node.get("x", 0), round(dy / tile) + node.get("y", 0)
             grid = self.grid(node)
             covers = left <= 0 and top <= 0 and left + grid.width >= self.nx and top + grid.height >= self.ny
-            found.append(TileLayer(grid, left, top, weight, covers))
-        return found
+            layers.append(TileLayer(grid, left, top, weight, covers))
+        return layers
 
     def grid(self, node):
         """The unpacked tiles of a layer."""
@@ -153,15 +153,15 @@ class EditedMap:
             self._grids[id(node)] = TileGrid(node)
         return self._grids[id(node)]
 
-    def winning(self, layer, found):
+    def winning(self, layer, layers):
         """The layer that shows when all are painted, added if there is none, and those of the others above it."""
-        weights = [k.weight if layer == "brush" else 0.0 for k in found]
-        order = sorted(range(len(found)), key=lambda k: (weights[k], k))
-        covering = [k for k in order if found[k].covers]
+        weights = [k.weight if layer == "brush" else 0.0 for k in layers]
+        order = sorted(range(len(layers)), key=lambda k: (weights[k], k))
+        covering = [k for k in order if layers[k].covers]
         if not covering:
             grid = self.grid(self.add_tile_layer(layer))
-            return TileLayer(grid, 0, 0, OPACITY[layer], True), found
-        return found[covering[-1]], [found[k] for k in order[order.index(covering[-1]) + 1 :]]
+            return TileLayer(grid, 0, 0, OPACITY[layer], True), layers
+        return layers[covering[-1]], [layers[k] for k in order[order.index(covering[-1]) + 1 :]]
 
     def add_tile_layer(self, layer):
         """A new layer for a kind of tiles, ground below all, the others above the last tile layer."""
@@ -219,11 +219,11 @@ class EditedMap:
 
     def find(self, number, cls):
         """(object, layer, dx, dy) of the object with this id, or None; EditError when it is something else."""
-        found = next((o for o in self.objects() if o[0].get("id") == number), None)
-        if found is not None and self.class_of(found[0], found[1]) != cls:
-            what = self.class_of(found[0], found[1]) or "not a Flockbrush object"
+        entry = next((o for o in self.objects() if o[0].get("id") == number), None)
+        if entry is not None and self.class_of(entry[0], entry[1]) != cls:
+            what = self.class_of(entry[0], entry[1]) or "not a Flockbrush object"
             raise EditError(f"object {number} of the level is {what}, not {cls}")
-        return found
+        return entry
 
     def class_of(self, thing, node):
         """The class of an object, its own or its layer's."""
@@ -231,32 +231,32 @@ class EditedMap:
         own = thing.get("class") or thing.get("type")
         return own or next((c.name for c in CLASSES.values() if c.use == "object" and c.home == home), "")
 
-    def draw(self, number, cls, name, shape, points, told):
+    def draw(self, number, cls, name, shape, points, properties):
         """Add an object, or change the one with this id: its outline only if it is another."""
-        found = self.find(number, cls)
-        if found is None:
+        existing = self.find(number, cls)
+        if existing is None:
             node, dx, dy = self.object_layer(cls)
             version = str(self.data.get("version", ""))
             thing: dict = {"class" if version == "1.9" else "type": cls}
             thing |= {"height": 0, "id": number, "name": name, "rotation": 0, "visible": True, "width": 0}
             shape_as(self.document, thing, shape, points, dx, dy)
         else:
-            old, node, dx, dy = found
+            old, node, dx, dy = existing
             thing = {**old, "name": name}
             reshape(self.document, thing, shape, points, dx, dy)
-        self._tell(thing, CLASSES[cls], told)
+        self._tell(thing, CLASSES[cls], properties)
         self._replace(node, number, thing)
         if number >= self.data.get("nextobjectid", 0):
             self.set(self.data, "nextobjectid", number + 1)
 
-    def _tell(self, thing, cls, told):
+    def _tell(self, thing, cls, properties):
         """Properties: those that are there change, others are added when they are not the default."""
         entries = [dict(entry) for entry in thing.get("properties", [])]
         if cls.open:  # the arguments of another command
-            entries = [e for e in entries if e["name"] in told or cls.property(e["name"]) or is_class(e, cls)]
+            entries = [e for e in entries if e["name"] in properties or cls.property(e["name"]) or is_class(e, cls)]
         whole = next((e for e in entries if isinstance(e["value"], dict) and is_class(e, cls)), None)
         members = {} if whole is None else dict(whole["value"])
-        for name, value in told.items():
+        for name, value in properties.items():
             p = cls.property(name)
             entry = next((e for e in entries if e["name"] == name), None)
             if name in members:
@@ -287,10 +287,10 @@ class EditedMap:
 
     def drop(self, number, cls):
         """Take an object out."""
-        found = self.find(number, cls)
-        if found is None:
+        existing = self.find(number, cls)
+        if existing is None:
             raise EditError(f"the level has no {cls} with id {number}")
-        self._replace(found[1], number, None)
+        self._replace(existing[1], number, None)
 
     def need_another_spawn(self, number):
         """EditError where this is the level's only spawn: a level without animals is none, and could not be opened."""
@@ -302,8 +302,8 @@ class EditedMap:
         """EditError while the level's script names this goal."""
         for thing, node, _, _ in self.objects():
             if self.class_of(thing, node) == "Key":
-                told = {p["name"]: p["value"] for p in thing.get("properties", [])}
-                if told.get("goal") == name:
+                properties = {p["name"]: p["value"] for p in thing.get("properties", [])}
+                if properties.get("goal") == name:
                     raise EditError(f"the script names goal {name!r} in object {thing['id']}; change that first")
 
     # ------------------------------------------------------------ commands
@@ -339,31 +339,33 @@ class EditedMap:
         """Paint a value on cells, where ``weight`` is less than 1 a cap only in part."""
         if value is None:
             raise EditError("the level file has no earlier state of the ground to restore")
-        found = self.tile_layers(layer)
+        layers = self.tile_layers(layer)
         if layer == "cap":
-            self._paint_cap(found, iy, ix, float(value), weight)
+            self._paint_cap(layers, iy, ix, float(value), weight)
         elif not value:
-            for each in found:
+            for each in layers:
                 self.put(each, iy, ix, 0)
         else:
-            target, above = self.winning(layer, found)
+            target, above = self.winning(layer, layers)
             self.put(target, iy, ix, self.tiles.gid((layer, value)))
             for each in above:
                 self.put(each, iy, ix, 0)
 
-    def _paint_cap(self, found, iy, ix, value, weight):
-        told = [self._speeds(each, iy, ix) for each in found]  # (k, 2) each: cap, factor
-        before = np.min([np.full(len(iy), np.inf), *(t[:, 0] for t in told)], axis=0)
+    def _paint_cap(self, layers, iy, ix, value, weight):
+        speeds_by_layer = [self._speeds(each, iy, ix) for each in layers]  # (k, 2) each: cap, factor
+        before = np.min([np.full(len(iy), np.inf), *(t[:, 0] for t in speeds_by_layer)], axis=0)
         after = blended(before, value if value > 0 else np.inf, weight)
         new = after != before
         if not new.any():
             return
-        target = self.winning("cap", found)[0] if np.isfinite(after[new]).any() else None
-        for each, speeds in zip(found, told, strict=True):
+        target = self.winning("cap", layers)[0] if np.isfinite(after[new]).any() else None
+        for each, speeds in zip(layers, speeds_by_layer, strict=True):
             if target is None or each.grid is not target.grid:
                 self._put_speeds(each, iy[new], ix[new], np.inf, speeds[new, 1])
         if target is not None:
-            factor = next((t[:, 1] for e, t in zip(found, told, strict=True) if e.grid is target.grid), None)
+            factor = next(
+                (t[:, 1] for e, t in zip(layers, speeds_by_layer, strict=True) if e.grid is target.grid), None
+            )
             self._put_speeds(target, iy[new], ix[new], after[new], 1.0 if factor is None else factor[new])
 
     def _speeds(self, layer, iy, ix):
@@ -373,8 +375,8 @@ class EditedMap:
         gids[inside] = layer.grid.gids[rows[inside], columns[inside]] & _ANY_FLAG
         kinds, which = np.unique(gids, return_inverse=True)
         meanings = self.tiles.meanings()
-        told = [meanings.get(gid, ("", (0.0, 1.0)))[1] for gid in kinds.tolist()]
-        return np.array([(cap or np.inf, factor) for cap, factor in told])[which.ravel()]
+        pairs = [meanings.get(gid, ("", (0.0, 1.0)))[1] for gid in kinds.tolist()]
+        return np.array([(cap or np.inf, factor) for cap, factor in pairs])[which.ravel()]
 
     def _put_speeds(self, layer, iy, ix, cap, factor):
         pairs = np.column_stack([np.broadcast_to(cap, iy.shape), np.broadcast_to(factor, iy.shape)])
@@ -389,10 +391,12 @@ class EditedMap:
     def _(self, command: AddObstacle):
         if command.id:
             names = "solid", "blocks_view", "margin", "z_min", "z_max", "shape"
-            told = {name: value for name in names if (value := getattr(command, name)) is not None}
+            properties = {name: value for name in names if (value := getattr(command, name)) is not None}
             if command.corners is not None:
-                told["corners"] = "; ".join(" ".join(f"{float(v):.12g}" for v in corner) for corner in command.corners)
-            self.draw(command.id, "Obstacle", command.name, "area", command.polygon(), told)
+                properties["corners"] = "; ".join(
+                    " ".join(f"{float(v):.12g}" for v in corner) for corner in command.corners
+                )
+            self.draw(command.id, "Obstacle", command.name, "area", command.polygon(), properties)
 
     @do.register
     def _(self, command: RemoveObstacle):
@@ -405,23 +409,23 @@ class EditedMap:
 
     @do.register
     def _(self, command: DrawGuide):
-        told = {name: getattr(command, name) for name in ("strength", "radius", "decay", "goal", "loop")}
-        self.draw(command.id, "Guide", command.name, "line", command.points, told)
+        properties = {name: getattr(command, name) for name in ("strength", "radius", "decay", "goal", "loop")}
+        self.draw(command.id, "Guide", command.name, "line", command.points, properties)
 
     @do.register
     def _(self, command: PlaceGoal):
-        told = {"radius": command.radius, "on_arrive": command.on_arrive, "next": command.next}
-        found = self.find(command.id, "Goal")
+        properties = {"radius": command.radius, "on_arrive": command.on_arrive, "next": command.next}
+        existing = self.find(command.id, "Goal")
         shape, points = "point", np.array([(command.x, command.y)])
-        if found is not None:
-            if found[0].get("name") != command.name:
-                self.need_unnamed(found[0].get("name"))
-            before, outline = outline_of(self.document, found[0], *found[2:])
+        if existing is not None:
+            if existing[0].get("name") != command.name:
+                self.need_unnamed(existing[0].get("name"))
+            before, outline = outline_of(self.document, existing[0], *existing[2:])
             if before == "area":
                 shape, points = before, outline + (points[0] - geometry.centroid(outline))
         if command.points:
             shape, points = "area", np.array(command.points, float)
-        self.draw(command.id, "Goal", command.name, shape, points, told)
+        self.draw(command.id, "Goal", command.name, shape, points, properties)
 
     @do.register
     def _(self, command: MoveGoal):
@@ -441,8 +445,8 @@ class EditedMap:
 
     @do.register
     def _(self, command: DrawZone):
-        told = {p.name: getattr(command, p.name) for p in CLASSES["Zone"].properties}
-        self.draw(command.id, "Zone", command.name, "area", np.array(command.points, float), told)
+        properties = {p.name: getattr(command, p.name) for p in CLASSES["Zone"].properties}
+        self.draw(command.id, "Zone", command.name, "area", np.array(command.points, float), properties)
 
     @do.register
     def _(self, command: DrawLine):
@@ -454,36 +458,37 @@ class EditedMap:
 
     @do.register
     def _(self, command: PlaceKey):
-        found, xy = self.find(command.id, "Key"), np.array([(command.x, command.y)])
+        existing, xy = self.find(command.id, "Key"), np.array([(command.x, command.y)])
         shape, points = "point", xy
-        if found is not None:
-            shape, outline = outline_of(self.document, found[0], *found[2:])
+        if existing is not None:
+            shape, outline = outline_of(self.document, existing[0], *existing[2:])
             points = outline + (xy - (geometry.centroid(outline) if shape == "area" else outline[0]))
-        told = {name: value for name, value in command.args.items() if not isinstance(value, list)}
-        told |= {"at": command.when, "command": command.command}
-        self.draw(command.id, "Key", command.name, shape, points, told)
+        properties = {name: value for name, value in command.args.items() if not isinstance(value, list)}
+        properties |= {"at": command.when, "command": command.command}
+        self.draw(command.id, "Key", command.name, shape, points, properties)
 
     @do.register
     def _(self, command: MarkSpawn):
-        told = {
+        properties = {
             "species": command.species, "brush": command.brush, "count": command.count,
             "heading": "random" if command.heading is None else f"{math.degrees(command.heading):.12g}",
             "speed": command.speed or 0.0, "altitude": command.altitude, "start": command.start,
             "rate": command.rate, "formation": command.formation, "body_length": command.body_length or 0.0,
             "depth": command.depth, "program": command.program,
+            "family_size": command.family_size,
         }  # fmt: skip
-        found = self.find(command.id, "Spawn")
-        given = {p["name"] for p in found[0].get("properties", [])} if found else set()
+        existing = self.find(command.id, "Spawn")
+        given = {p["name"] for p in existing[0].get("properties", [])} if existing else set()
         if "density" in given:
-            told["density"] = 0.0
-        self.draw(command.id, "Spawn", command.name, "area", np.array(command.points, float), told)
+            properties["density"] = 0.0
+        self.draw(command.id, "Spawn", command.name, "area", np.array(command.points, float), properties)
 
     @do.register
     def _(self, command: RemoveThing):
         cls = command.kind.capitalize()
         if cls == "Goal":
-            found = self.find(command.id, cls)
-            self.need_unnamed(found[0].get("name") if found else "")
+            existing = self.find(command.id, cls)
+            self.need_unnamed(existing[0].get("name") if existing else "")
         if cls == "Spawn":
             self.need_another_spawn(command.id)
         self.drop(command.id, cls)

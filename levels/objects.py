@@ -102,8 +102,8 @@ class ObjectReader:
         """Whether this class may have this shape."""
         kind, points = shape
         if kind not in cls.shapes:
-            wanted = " or ".join(_SHAPES[s] for s in cls.shapes)
-            place.say(f"{article(cls.name)} must be {wanted}, but this is {_SHAPES[kind]}")
+            shapes = " or ".join(_SHAPES[s] for s in cls.shapes)
+            place.say(f"{article(cls.name)} must be {shapes}, but this is {_SHAPES[kind]}")
             return False
         if kind == "area" and not self.sound(points, place):
             return False
@@ -131,10 +131,10 @@ class ObjectReader:
         x, y = real(node, "x", place), real(node, "y", place)
         w, h = real(node, "width", place), real(node, "height", place)
         angle = real(node, "rotation", place, limit=1e6)
-        drawn = self.drawn(node, w, h, place)
-        if drawn is None:
+        outline = self.drawn(node, w, h, place)
+        if outline is None:
             return None
-        kind, points = drawn
+        kind, points = outline
         self.vertices += len(points)
         if self.vertices > limits.LEVEL_CORNERS:
             place.say(f"all outlines together have more than {limits.LEVEL_CORNERS} corners")
@@ -195,18 +195,18 @@ class ObjectReader:
                 place.say(f"corners can only be used with shape 'hull', and shape is {shape!r}")
             return None
         try:
-            told = [[float(word) for word in corner.replace(",", " ").split()] for corner in text.split(";")]
-            if not 4 <= len(told) <= MOST_CORNERS or any(len(corner) != 3 for corner in told):
+            parsed = [[float(word) for word in corner.replace(",", " ").split()] for corner in text.split(";")]
+            if not 4 <= len(parsed) <= MOST_CORNERS or any(len(corner) != 3 for corner in parsed):
                 raise ValueError(f"4 to {MOST_CORNERS} corners of three numbers each are needed")
-            if not np.abs(told).max() <= FAR:
+            if not np.abs(parsed).max() <= FAR:
                 raise ValueError(f"coordinates must be at most {FAR:g} m")
-            polyhedron(told)
+            polyhedron(parsed)
         except ValueError as error:
             place.say(
                 f"corners of a hull must be 'east north up; east north up; ...' in m, such as {A_PYRAMID!r}: {error}"
             )
             return None
-        return np.array(told)
+        return np.array(parsed)
 
     def guide(self, number, name, shape, v, place):
         self.level.guides.append(Guide(number, name, shape[1], **v))
@@ -225,13 +225,15 @@ class ObjectReader:
         self.level.zones.append(Zone.of(number, name, shape[1], {**v, "brush": brush}))
 
     def spawn(self, number, name, shape, v, place):
-        told = dict(v)
-        told["brush"] = self.brush(v, place) if "brush" in v.given else ""
-        told["count"] = self.count(shape[1], v, place)
-        told |= {"speed": v["speed"] or None, "body_length": v["body_length"] or None}
-        told["program"] = self.reader.program(v["program"], place, v.lines.get("program"))
-        del told["density"]
-        self.level.spawns.append(Spawn(number, name, shape[1], **told))
+        values = dict(v)
+        values["brush"] = self.brush(v, place) if "brush" in v.given else ""
+        values["count"] = self.count(shape[1], v, place)
+        values |= {"speed": v["speed"] or None, "body_length": v["body_length"] or None}
+        values["program"] = self.reader.program(v["program"], place, v.lines.get("program"))
+        del values["density"]
+        if v["rate"] and v["family_size"]:
+            place.say("families need a rate of 0: they appear at once", v.lines.get("family_size"))
+        self.level.spawns.append(Spawn(number, name, shape[1], **values))
 
     def count(self, polygon, v, place):
         """How many animals: as counted, or from the density."""

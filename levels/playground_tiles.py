@@ -57,14 +57,14 @@ class PlaygroundTiles:
             fresh = {}
             for entry in tilesets:
                 if "source" not in entry and str(entry.get("name", "")).startswith(PLAYGROUND):
-                    fresh |= {entry["firstgid"] + tile["id"]: _told(tile) for tile in entry.get("tiles", [])}
+                    fresh |= {entry["firstgid"] + tile["id"]: _own_meaning(tile) for tile in entry.get("tiles", [])}
             self._fresh = tilesets, self.meaning | fresh
         return self._fresh[1]
 
     def gid(self, meaning):
         """The tile of this meaning, added to the tileset "playground" if no tileset has it."""
-        found = min((gid for gid, other in self.meanings().items() if other == meaning), default=None)
-        return self._new_tile(meaning) if found is None else found
+        known = min((gid for gid, other in self.meanings().items() if other == meaning), default=None)
+        return self._new_tile(meaning) if known is None else known
 
     def _new_tile(self, meaning):
         cls, values = _values(meaning)
@@ -73,12 +73,12 @@ class PlaygroundTiles:
         number = max(used, default=-1) + 1
         rows = number // COLUMNS + 1
         tile = self.map.data["tilewidth"]
-        made = entry | {
+        new_entry = entry | {
             "imageheight": rows * tile, "tilecount": rows * COLUMNS,
             "tiles": [*entry["tiles"], _tile(number, cls, values)],
         }  # fmt: skip
         others = [e for e in self.map.data.get("tilesets", []) if e["firstgid"] != entry["firstgid"]]
-        self.map.set(self.map.data, "tilesets", [*others, made])
+        self.map.set(self.map.data, "tilesets", [*others, new_entry])
         return entry["firstgid"] + number
 
     def _roomy(self):
@@ -101,12 +101,12 @@ class PlaygroundTiles:
 
     def playgrounds(self):
         """[(tileset, [meaning or None of each place])] of what was added here."""
-        found = []
+        tilesets = []
         for entry in self.map.data.get("tilesets", []):
             if "source" not in entry and str(entry.get("name", "")).startswith(PLAYGROUND) and "image" in entry:
-                tiles = {tile["id"]: _told(tile) for tile in entry.get("tiles", [])}
-                found.append((entry, [tiles.get(k) for k in range(entry["tilecount"])]))
-        return found
+                tiles = {tile["id"]: _own_meaning(tile) for tile in entry.get("tiles", [])}
+                tilesets.append((entry, [tiles.get(k) for k in range(entry["tilecount"])]))
+        return tilesets
 
 
 def _meaning(reader, tile):
@@ -123,15 +123,15 @@ def _meaning(reader, tile):
     return "brush", reader.tile_brush(tile)
 
 
-def _told(tile):
+def _own_meaning(tile):
     """What a tile of "playground" means, or None."""
-    told = {p["name"]: p["value"] for p in tile.get("properties", [])}
+    properties = {p["name"]: p["value"] for p in tile.get("properties", [])}
     cls = tile.get("class") or tile.get("type")
     if cls == "Brush":
-        return "brush", told.get("asset", "")
+        return "brush", properties.get("asset", "")
     if cls == "SpeedCap":
-        return "cap", (float(told.get("max_speed", 0)), float(told.get("factor", 1)))
-    return ("surface", told.get("name", "")) if cls == "Terrain" else None
+        return "cap", (float(properties.get("max_speed", 0)), float(properties.get("factor", 1)))
+    return ("surface", properties.get("name", "")) if cls == "Terrain" else None
 
 
 def _values(meaning):
@@ -141,7 +141,7 @@ def _values(meaning):
         return "Brush", {"asset": what}
     if layer == "cap":
         return "SpeedCap", dict(zip(SPEEDS[0], what, strict=True))
-    found = next((kind for kind in TERRAINS if kind["name"] == what), None)
-    if found is None:
+    terrain = next((kind for kind in TERRAINS if kind["name"] == what), None)
+    if terrain is None:
         raise EditError(f"no tileset has a ground {what!r}{did_you_mean(what, [k['name'] for k in TERRAINS])}")
-    return "Terrain", found
+    return "Terrain", terrain

@@ -196,10 +196,10 @@ def _text(p, value):
 
 
 def _colour(p, value):
-    found = _COLOUR.fullmatch(value) if isinstance(value, str) else None
-    if not found:
+    match = _COLOUR.fullmatch(value) if isinstance(value, str) else None
+    if not match:
         raise Refused(f"must be a colour such as #7aa04a, got {shown(value)}")
-    return "#" + found[1].lower()
+    return "#" + match[1].lower()
 
 
 def _enum(p, value):

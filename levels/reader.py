@@ -220,7 +220,7 @@ class LevelReader:
             if tileset is None and self.tiles.lost:
                 continue
             iy, ix = (int(k[0]) for k in np.nonzero(gids == gid))
-            found = (
+            tiles = (
                 f"it is a {tile.cls} tile"
                 if tile and tile.cls
                 else "it has no class"
@@ -228,7 +228,7 @@ class LevelReader:
                 else "no tileset has it"
             )
             where = f"column {ix}, row {len(gids) - 1 - iy}"
-            layer.place.say(f"tile id {gid} at {where} must be a {cls} tile, but {found}")
+            layer.place.say(f"tile id {gid} at {where} must be a {cls} tile, but {tiles}")
         return used
 
     def paint_terrain(self, level, gids, used, layer):
@@ -246,10 +246,10 @@ class LevelReader:
         for gid, name in names.items():
             index[gids == gid] = assets.index(name)
         values = read_properties(layer.node, CLASSES["BrushLayer"], layer.place)
-        made = BrushLayer(layer.name, layer.opacity, assets, index, PaintBounds.of(values))
+        layer_read = BrushLayer(layer.name, layer.opacity, assets, index, PaintBounds.of(values))
         if not self.report.problems:
-            paint_hints(made, layer.place, self.library)
-        return made
+            paint_hints(layer_read, layer.place, self.library)
+        return layer_read
 
     def tile_brush(self, tile):
         """The brush of a painted tile; looked up only now, since a tileset may know brushes that are gone."""
@@ -262,16 +262,16 @@ class LevelReader:
     def paint_speed(self, level, gids, used, frame):
         """Several layers: the lowest cap, the product of factors."""
         for gid, tile in used.items():
-            here = gids == gid
+            cells = gids == gid
             if tile.values["max_speed"] > 0:
                 if level.cap is None:
                     level.cap = Raster(frame.metres, np.full(gids.shape, np.inf))
                 values = level.cap.values
-                values[here] = np.minimum(values[here], tile.values["max_speed"])
+                values[cells] = np.minimum(values[cells], tile.values["max_speed"])
             if tile.values["factor"] != 1:
                 if level.factor is None:
                     level.factor = Raster(frame.metres, np.ones(gids.shape))
-                level.factor.values[here] *= tile.values["factor"]
+                level.factor.values[cells] *= tile.values["factor"]
 
     def image_layer(self, level, layer, kind, frame):
         place = layer.place

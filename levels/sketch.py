@@ -31,15 +31,12 @@ class LevelSketch:
     metres_per_tile : float
     tilesets : str
         Folder of the tilesets, as seen from the level.
-    brushes : sequence of str
-        The brushes of ``brushes.tsj``, in its order.
     boundary, seed
         Of the map.
     """
 
-    def __init__(self, nx, ny, metres_per_tile, tilesets, brushes, boundary="wall", seed=1):
+    def __init__(self, nx, ny, metres_per_tile, tilesets, boundary="wall", seed=1):
         self.nx, self.ny, self.cell = nx, ny, metres_per_tile
-        self.brushes = list(brushes)
         self.width, self.height = nx * metres_per_tile, ny * metres_per_tile
         self.x, self.y = np.meshgrid((np.arange(nx) + 0.5) * metres_per_tile, (np.arange(ny) + 0.5) * metres_per_tile)
         self.terrain = np.zeros((ny, nx), np.int64)
@@ -70,8 +67,7 @@ class LevelSketch:
             "width": nx,
         }
         self.document = Document(data, "sketch.tmj")
-        self.tiles: list[tuple[dict, np.ndarray]] = []
-        self._tile_layer("terrain", self.terrain, 1)
+        self._add({"height": ny, "width": nx, "name": "terrain", "opacity": 1, "type": "tilelayer"})
 
     # ------------------------------------------------------------ ground
 
@@ -79,34 +75,9 @@ class LevelSketch:
         """Paint terrain where a mask (ny, nx), south row first, is true."""
         self.terrain[np.broadcast_to(where, self.terrain.shape)] = TERRAIN_GID + _terrain(kind)
 
-    def brush(self, name, where, layer="brush", opacity=0.4):
-        """Paint a brush on the ground."""
-        self._paint(layer, BRUSH_GID + self.brushes.index(name), where, opacity)
-
-    def speed(self, max_speed=0.0, factor=1.0, where=True, layer="speed"):
-        """Paint one of the speeds of ``speed.tsj``."""
-        index = [(s["max_speed"], s["factor"]) for s in SPEEDS].index((max_speed, factor))
-        self._paint(layer, SPEED_GID + index, where, 0.5)
-
-    def _paint(self, layer, gid, where, opacity):
-        for node, gids in self.tiles:  # noqa: B007
-            if node["name"] == layer:
-                break
-        else:
-            gids = np.zeros((self.ny, self.nx), np.int64)
-            self._tile_layer(layer, gids, opacity)
-        gids[np.broadcast_to(where, gids.shape)] = gid
-
-    def _tile_layer(self, name, gids, opacity):
-        node = {"height": self.ny, "width": self.nx, "name": name, "opacity": opacity, "type": "tilelayer"}
-        self._add(node)
-        self.tiles.append((node, gids))
-
     def _add(self, node):
         data = self.document.data
         data["layers"].append({**node, "id": data["nextlayerid"], "visible": True, "x": 0, "y": 0})
-        node.update(data["layers"][-1])
-        data["layers"][-1] = node
         data["nextlayerid"] += 1
 
     # ------------------------------------------------------------ objects
@@ -133,15 +104,10 @@ class LevelSketch:
             thing["ellipse"] = True
         return number
 
-    def migrate(self, at, x, y, z, title, /, shown_at=None, **properties) -> int:
-        """A command that leads flying animals to (x, y, z) m at a time in seconds; its point stands there, too."""
-        point = [shown_at or (x, y)]
-        return self.draw("Key", point, title, at=at, command="Migrate", x=x, y=y, z=z, **properties)
-
     def picture(self, name, image, **properties):
         """An image layer; its picture is a file beside the level."""
-        told = [{"name": k, "type": "float", "value": v} for k, v in sorted(properties.items())]
-        self._add({"image": image, "name": name, "opacity": 0.3, "properties": told, "type": "imagelayer"})
+        entries = [{"name": k, "type": "float", "value": v} for k, v in sorted(properties.items())]
+        self._add({"image": image, "name": name, "opacity": 0.3, "properties": entries, "type": "imagelayer"})
 
     def note(self, x, y, text, width=20.0, height=5.0):
         """A text for people, on the layer "notes", by its north-west corner, in metres."""
@@ -166,8 +132,7 @@ class LevelSketch:
 
     def save(self, path):
         """Write the level; the same bytes every time."""
-        for node, gids in self.tiles:
-            node["data"] = gids[::-1].ravel().tolist()
+        self.document.layer("terrain")[0]["data"] = self.terrain[::-1].ravel().tolist()
         return write_bytes(path, dump(self.document.data).encode())
 
 

@@ -89,15 +89,15 @@ class Terrain:
         values = {name: np.full(shape, default) for name, default in bare().items()}
         return cls(values, np.full(shape, -1, np.int16), [], [])
 
-    def put(self, here: np.ndarray, kind: Mapping[str, Any], number: int | None = None) -> int:
+    def put(self, cells: np.ndarray, kind: Mapping[str, Any], number: int | None = None) -> int:
         """Make cells a kind of ground, by its values of class Terrain; its number among the kinds."""
         for name, values in self.values.items():
-            values[here] = kind[name]
+            values[cells] = kind[name]
         if number is None:
             number = len(self.names)
             self.names.append(kind["name"])
             self.colours.append(kind["colour"])
-        self.index[here] = number
+        self.index[cells] = number
         return number
 
     def padded(self, pad: tuple[tuple[int, int], tuple[int, int]]) -> Terrain:

@@ -187,9 +187,9 @@ def brush_picture(name, colour) -> np.ndarray:
     """
     import cv2
 
-    kept = _shipped_tiles().get(name)
-    if kept is not None and np.abs(kept[0, 0, :3] - 0.78 * np.array(_bgr(colour))).max() < 3:
-        return kept
+    shipped_tile = _shipped_tiles().get(name)
+    if shipped_tile is not None and np.abs(shipped_tile[0, 0, :3] - 0.78 * np.array(_bgr(colour))).max() < 3:
+        return shipped_tile
     canvas = _canvas(colour)
     cv2.rectangle(canvas, (3, 3), (TILE * _FINE - 4, TILE * _FINE - 4), (*_bgr(colour, -45), 255), 5)
     glyph = next((g for word, g in _GLYPHS.items() if word in name), _arrows)

@@ -1,6 +1,7 @@
 """The Tiled project: classes and enums from the schema, tilesets drawn by hand of numpy, F5 and F6.
 
 `write_project` makes a folder that a designer opens in Tiled; `init` adds a first level to it.
+``python -m flockbrush.levels.tiled`` renews the project around the shipped levels.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def init(folder, library) -> list[Path]:
 def _first_level(path, library):
     """A herd on its way round a rock to a goal, an exit there, and others that come after: it never stops."""
     names = known_brushes(path.parent / BRUSHES_FILE)
-    sketch = LevelSketch(40, 30, 1.0, "tilesets", names)
+    sketch = LevelSketch(40, 30, 1.0, "tilesets")
     sketch.ground("grass")
     sketch.ground("meadow", (np.sin(sketch.x / 4) + np.cos(sketch.y / 3)) > 0.6)
     sketch.ground("dirt", np.abs(sketch.y - 5) < 1.5)
@@ -81,9 +82,9 @@ def _first_level(path, library):
     sketch.draw("Goal", [(34, 27)], "gate", radius=5, on_arrive="despawn")
     sketch.box("Exit", 34, 27.5, 12, 5, "gate")
     brush = "march" if "march" in names else names[0]
-    told = {"species": "sheep", "brush": brush, "heading": "east"}
-    sketch.box("Spawn", 8, 8, 12, 10, "herd", count=60, **told)
-    sketch.box("Spawn", 3, 8, 4, 8, "latecomers", rate=5, start=8, **told)
+    shared = {"species": "sheep", "brush": brush, "heading": "east"}
+    sketch.box("Spawn", 8, 8, 12, 10, "herd", count=60, **shared)
+    sketch.box("Spawn", 3, 8, 4, 8, "latecomers", rate=5, start=8, **shared)
     _notes(sketch)
     return sketch.save(path)
 
@@ -116,17 +117,17 @@ def renew_brushes(folder, library) -> bool:
     if not file.exists():
         return False
     try:
-        kept = json.loads(file.read_bytes())
-        types = [t for t in kept["propertyTypes"] if t["name"] == "BrushAsset"]
+        project = json.loads(file.read_bytes())
+        types = [t for t in project["propertyTypes"] if t["name"] == "BrushAsset"]
         for known in types:
             known["values"] = ["", *library.names()]
     except (ValueError, LookupError, TypeError):
         raise ProblemsError(
             [Problem(str(file), None, None, "is damaged: flockbrush level init creates it again")]
         ) from None
-    made = project_files(library, known_brushes(folder / BRUSHES_FILE))
-    tiles = {name: data for name, data in made.items() if Path(name).stem == Path(BRUSHES_FILE).stem}
-    for name, data in {PROJECT_FILE: _json(kept), **tiles}.items():
+    files = project_files(library, known_brushes(folder / BRUSHES_FILE))
+    tiles = {name: data for name, data in files.items() if Path(name).stem == Path(BRUSHES_FILE).stem}
+    for name, data in {PROJECT_FILE: _json(project), **tiles}.items():
         (folder / name).parent.mkdir(exist_ok=True)
         write_bytes(folder / name, data)
     return True
@@ -272,12 +273,15 @@ def tileset(name, tiles, shape) -> dict:
 
 def _tile(number, cls, values):
     known = {p.name: p for p in CLASSES[cls].properties}
-    told = [
+    properties = [
         {**_member(known[k], "propertytype"), "value": _argb(v) if known[k].kind == "colour" else v}
         for k, v in sorted(values.items())
         if v != known[k].default
     ]
-    return {"id": number, "properties": told, "type": cls}
+    return {"id": number, "properties": properties, "type": cls}
 
 
-# ---------------------------------------------------------------- pictures
+if __name__ == "__main__":  # the project that comes with Flockbrush
+    from flockbrush.behaviours.brush import shipped
+
+    write_project(Path(__file__).parent, shipped())

@@ -110,18 +110,18 @@ class TilesetReader:
 
     def kinds(self):
         """{name: TerrainKind} of all terrain tiles; of two with one name the first."""
-        found = {}
+        kinds = {}
         for tileset in self.tilesets:
             for tile in tileset.tiles.values():
                 if tile.cls == "Terrain" and tile.values is not None:
-                    told = {**tile.values, "name": tile.values["name"] or tile.label}
-                    found.setdefault(told["name"], TerrainKind.of(told))
-        return found
+                    values = {**tile.values, "name": tile.values["name"] or tile.label}
+                    kinds.setdefault(values["name"], TerrainKind.of(values))
+        return kinds
 
     def of(self, gid):
         """The tileset of a global tile id, as Tiled finds it: the last that begins at or before it; None beyond it."""
-        found = next((t for t in reversed(self.tilesets) if t.firstgid <= gid), None)
-        return found if found and gid - found.firstgid < found.count else None
+        tileset = next((t for t in reversed(self.tilesets) if t.firstgid <= gid), None)
+        return tileset if tileset and gid - tileset.firstgid < tileset.count else None
 
     def _external(self, source, place):
         """(document, place) of a tileset in a file of its own."""

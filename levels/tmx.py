@@ -73,7 +73,7 @@ def _parse(data):
         counted += 1
         line = parser.CurrentLineNumber
         if counted > limits.JSON_VALUES:
-            raise JsonError(f"there are more than {limits.JSON_VALUES.told} in this file", line)
+            raise JsonError(f"there are more than {limits.JSON_VALUES.text} in this file", line)
         if len(stack) >= limits.JSON_DEPTH:
             raise JsonError(f"nested deeper than {limits.JSON_DEPTH} levels", line)
         element = Element(tag, attributes, line)

@@ -14,7 +14,19 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.behaviours.behaviour import Bodies, Kinds, frozen
 from flockbrush.behaviours.drive import TAKES_UP
-from flockbrush.components import Alarm, Body, BrushBinding, Position, Species, Thrust, Transit, Urge, Velocity, Wish
+from flockbrush.components import (
+    Alarm,
+    Body,
+    BrushBinding,
+    Family,
+    Position,
+    Species,
+    Thrust,
+    Transit,
+    Urge,
+    Velocity,
+    Wish,
+)
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
 from flockbrush.systems.fauna import FEAR, NO_LIMIT, SpeciesList, by_medium, kin_of, kinds_of
 from flockbrush.systems.foresight import Ahead
@@ -39,9 +51,9 @@ class Shares(NamedTuple):
 def relations_of(world):
     """`Kinds` of all animals of a world, for models."""
     agents, palette, fauna = world.agents, world.resource(Palette), world.resource(SpeciesList)
-    told = fauna.relations
+    relations = fauna.relations
     kind = kinds_of(agents[Species.index], palette.danger[agents[BrushBinding.brush]])
-    return frozen(Kinds(kind, told.verb == FEAR, told.prey))
+    return frozen(Kinds(kind, relations.verb == FEAR, relations.prey))
 
 
 def kin(world):
@@ -98,6 +110,7 @@ def bodies_of(world, speed):
         relief_cell=land.relief_cell,
         transit=agents[Transit.kind],
         radius=agents[Body.radius],
+        family=agents[Family.number],
         solids=ahead.solids,
         foresight=palette.foresight[agents[BrushBinding.brush]],
         wished=np.zeros((n, 3)),

@@ -12,7 +12,7 @@ from flockbrush.engine.maths import sincos_
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import cannot
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.life import bear
+from flockbrush.systems.life import spawn_animals
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.programs import Programs
@@ -142,8 +142,8 @@ class AddAnimals:
         if self.program:
             world.resource(Programs).named(self.program)
         fauna = world.resource(SpeciesList)
-        named = SpeciesList([self.species], fauna.library)  # it may be new to this world
-        why = cannot(world.resource(Palette), named, self.brush, self.species)
+        species = SpeciesList([self.species], fauna.library)  # it may be new to this world
+        why = cannot(world.resource(Palette), species, self.brush, self.species)
         need(not why, why)
         need(self.radius > 0, f"radius must be above 0 m, got {self.radius:g}")
         need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
@@ -156,7 +156,7 @@ class AddAnimals:
         need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
         where, stream = disc(self.x, self.y, self.radius), f"add {world.next_entity}"  # two strokes in one tick are two
         spawn = Spawn(0, "", where, self.species, self.brush, heading=self.heading, program=self.program)
-        bear(world, spawn, self.count, stream)
+        spawn_animals(world, spawn, self.count, stream)
 
 
 @command

@@ -57,15 +57,15 @@ class Sheets:
     above: list[Sheet] = field(default_factory=list)
     below: list[Sheet] = field(default_factory=list)
     mixing: list[Sheet] = field(default_factory=list)  # of part weight, above all others
-    _told: tuple = (None, None)
+    _cached: tuple = (None, None)
     _mixing_told: tuple = (None, None)
 
     def packed(self, palette, fauna):
         """`Covering` sheets."""
         about = _about(palette, fauna)
-        if self._told[0] != about:
-            self._told = about, _packed(self, palette, fauna)
-        return self._told[1]
+        if self._cached[0] != about:
+            self._cached = about, _packed(self, palette, fauna)
+        return self._cached[1]
 
     def packed_mixing(self, palette, fauna):
         """`Mixing` of the sheets of part weight, from the top down."""

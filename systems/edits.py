@@ -18,7 +18,7 @@ from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.animal_commands import MOST
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.level_lists import KINDS, ThingKind, TouchedThings, lists_of
-from flockbrush.systems.life import Nursery, bear
+from flockbrush.systems.life import Nursery, spawn_animals
 from flockbrush.systems.obstacle_commands import (
     AddObstacle,
     RemoveObstacle,
@@ -69,8 +69,8 @@ class OfOutline(OfThing):
         return "all"
 
     def apply(self, world):
-        mine = self.makes(self.id, self.name, self.outline())
-        put_thing(_things(world, self.kind, self.id), mine, self.at)
+        thing = self.makes(self.id, self.name, self.outline())
+        put_thing(_things(world, self.kind, self.id), thing, self.at)
         world.resource(Landscape).changed()
 
 
@@ -95,7 +95,7 @@ class DrawGuide(OfThing):
         apart = len(points) > 1 and (points != points[0]).any()
         need(apart, f"a guide needs at least two different points, got {len(points)}")
         need(len(points) <= 2000, f"a guide has at most 2000 points, got {len(points)}")
-        check_told(self, Guide)
+        check_bounds(self, Guide)
         if self.goal:
             goal_index(land, self.goal)
         check_on_map(land, points, "the guide")
@@ -105,7 +105,7 @@ class DrawGuide(OfThing):
 
     def apply(self, world):
         land = world.resource(Landscape)
-        put_thing(land.guides, Guide(self.id, self.name, line_of(self.points), **told(self, Guide)), self.at)
+        put_thing(land.guides, Guide(self.id, self.name, line_of(self.points), **settings_of(self, Guide)), self.at)
         land.navigate()
 
 
@@ -131,10 +131,10 @@ class PlaceGoal(OfThing):
         land = world.resource(Landscape)
         check_id(self, zero=True)
         need(self.name, "a goal needs a name")
-        there = self.there(land)
-        others = [goal.name for k, goal in enumerate(land.goals) if k != there]
+        index = self.there(land)
+        others = [goal.name for k, goal in enumerate(land.goals) if k != index]
         need(self.name not in others, f"a goal named {self.name!r} already exists")
-        check_told(self, Goal)
+        check_bounds(self, Goal)
         inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
         need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
         names = [*others, self.name]
@@ -143,28 +143,28 @@ class PlaceGoal(OfThing):
             need(self.next in names, f"next: there is no goal {self.next!r}{did_you_mean(self.next, names)}")
         else:
             need(not self.next, f"next is given, so on_arrive must be 'next', got {self.on_arrive!r}")
-        if there is not None and land.goals[there].name != self.name:
-            _check_free(land, land.goals[there].name)
+        if index is not None and land.goals[index].name != self.name:
+            _check_free(land, land.goals[index].name)
         if self.points:
             polygon_of(self.points, "a goal")
 
     def there(self, land):
         """Index of the goal it takes the place of, or None."""
         same = (goal.id == self.id and (self.id or goal.name == self.name) for goal in land.goals)
-        return next((k for k, mine in enumerate(same) if mine), None)
+        return next((k for k, matches in enumerate(same) if matches), None)
 
     def ground_box(self, world):
         return "all"
 
     def apply(self, world):
         land = world.resource(Landscape)
-        there, xy = self.there(land), np.array([self.x, self.y])
+        index, xy = self.there(land), np.array([self.x, self.y])
         polygon = polygon_of(self.points, "a goal") if self.points else None
-        if self.points == [] and there is not None and land.goals[there].polygon is not None:
-            polygon = land.goals[there].polygon + (xy - land.goals[there].xy)
-        goal = Goal(self.id, self.name, xy, **told(self, Goal), polygon=polygon)
-        if there is not None:
-            land.goals[there] = goal
+        if self.points == [] and index is not None and land.goals[index].polygon is not None:
+            polygon = land.goals[index].polygon + (xy - land.goals[index].xy)
+        goal = Goal(self.id, self.name, xy, **settings_of(self, Goal), polygon=polygon)
+        if index is not None:
+            land.goals[index] = goal
         else:
             _insert_goal(world, land, goal, self.at)
         land.navigate()
@@ -202,11 +202,11 @@ class MoveGoal:
 
     def apply(self, world):
         land = world.resource(Landscape)
-        there = goal_index(land, self.goal)
-        goal = land.goals[there]
+        index = goal_index(land, self.goal)
+        goal = land.goals[index]
         shift = np.array([self.x, self.y]) - goal.xy
         polygon = None if goal.polygon is None else goal.polygon + shift
-        land.goals[there] = replace(goal, xy=goal.xy + shift, polygon=polygon)
+        land.goals[index] = replace(goal, xy=goal.xy + shift, polygon=polygon)
         land.navigate()
 
 
@@ -247,6 +247,7 @@ class MarkSpawn(OfThing):
     born: int = -1  # how many it has brought already; -1: as it is
     at: int = -1
     program: str = ""  # that they follow; "": none
+    family_size: int = 0  # animals of a family; 0: no families
 
     def check(self, world):
         land = world.resource(Landscape)
@@ -257,7 +258,8 @@ class MarkSpawn(OfThing):
         need(0 <= self.count <= MOST, f"count must be 0 to {MOST}, got {self.count}")
         need(self.count or self.rate, "count must be at least 1, got 0")
         need(self.species, "a species needs a name")
-        check_told(self, Spawn, ("formation", "start", "rate", "altitude", "depth"))
+        check_bounds(self, Spawn, ("formation", "start", "rate", "altitude", "depth", "family_size"))
+        need(not (self.rate and self.family_size), "families need a rate of 0: they appear at once")
         need(self.speed is None or 0 <= self.speed <= 1000, f"speed must be 0 to 1000 m/s, got {self.speed}")
         need(self.heading is None or abs(self.heading) <= FAR, f"heading is in radians, got {self.heading}")
         size = self.body_length
@@ -277,30 +279,30 @@ class MarkSpawn(OfThing):
 
     def brought(self, nursery):
         """How many it has brought before it is drawn."""
-        there = nursery.find(self.id)
-        return self.born if self.born >= 0 else 0 if there is None else nursery.born[there]
+        index = nursery.find(self.id)
+        return self.born if self.born >= 0 else 0 if index is None else nursery.born[index]
 
     def touches(self, world):
         return [TouchedAnimals(), *super().touches(world)]
 
     def apply(self, world):
         nursery = world.resource(Nursery)
-        due, brought, there = self.due(nursery), self.brought(nursery), nursery.find(self.id)
-        spawn = self.area(world, None if there is None else nursery.spawns[there])
+        due, brought, index = self.due(nursery), self.brought(nursery), nursery.find(self.id)
+        spawn = self.area(world, None if index is None else nursery.spawns[index])
         total = len(world.agents) + due
         need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
         if due:
-            bear(world, spawn, due, f"spawn {self.id} {world.next_entity}")
-        if there is None:
+            spawn_animals(world, spawn, due, f"spawn {self.id} {world.next_entity}")
+        if index is None:
             nursery.put(spawn, brought + due, self.at if 0 <= self.at <= len(nursery.spawns) else None)
         else:
-            nursery.spawns[there], nursery.born[there] = spawn, brought + due
+            nursery.spawns[index], nursery.born[index] = spawn, brought + due
 
     def area(self, world, before):
         """The spawn as the world keeps it."""
         now = world.resource(Clock).now
         since = self.since if self.since is not None else now if before is None else before.since
-        return Spawn(self.id, self.name, polygon_of(self.points, "a spawn"), **told(self, Spawn), since=since)
+        return Spawn(self.id, self.name, polygon_of(self.points, "a spawn"), **settings_of(self, Spawn), since=since)
 
 
 # taking things away -------------------------------------------------------------------
@@ -319,11 +321,11 @@ class RemoveThing(OfThing):
 
     def check(self, world):
         need(self.kind in KINDS, f"there is no {self.kind!r} to remove{did_you_mean(self.kind, list(KINDS))}")
-        there = self.there(world)
-        need(there is not None, f"there is no {self.kind} {self.id} in this world")
+        index = self.there(world)
+        need(index is not None, f"there is no {self.kind} {self.id} in this world")
         if self.kind == "goal":
             land = world.resource(Landscape)
-            _check_free(land, land.goals[there].name)
+            _check_free(land, land.goals[index].name)
 
     def rescript(self):
         """(key, s, None): the script no longer does what a key said; None for other things."""
@@ -333,13 +335,13 @@ class RemoveThing(OfThing):
         """Index of the thing, or None."""
         things = _things(world, self.kind, self.id)
         same = (thing.id == self.id and self.name in ("", thing.name) for thing in things)
-        return next((k for k, mine in enumerate(same) if mine), None)
+        return next((k for k, matches in enumerate(same) if matches), None)
 
     def ground_box(self, world):
         if self.kind not in ("obstacle", "exit", "spawn"):
             return "all"
-        there = self.there(world)
-        return None if there is None else box_of(_things(world, self.kind, self.id)[there].polygon)
+        index = self.there(world)
+        return None if index is None else box_of(_things(world, self.kind, self.id)[index].polygon)
 
     def touches(self, world):
         if self.kind != "goal":
@@ -349,13 +351,13 @@ class RemoveThing(OfThing):
         return [*super().touches(world), TouchedColumns(rows, (Destination.goal,), later=alone)]
 
     def apply(self, world):
-        land, nursery, there = world.resource(Landscape), world.resource(Nursery), self.there(world)
+        land, nursery, index = world.resource(Landscape), world.resource(Nursery), self.there(world)
         if self.kind == "obstacle":
             RemoveObstacle(id=self.id).apply(world)
             return
-        del _things(world, self.kind, self.id)[there]
+        del _things(world, self.kind, self.id)[index]
         if self.kind == "spawn":
-            del nursery.born[there]
+            del nursery.born[index]
         elif self.kind == "zone":
             land.marks.lay(land)
         elif self.kind in ("exit", "line", "area", "key"):
@@ -363,8 +365,8 @@ class RemoveThing(OfThing):
         else:
             if self.kind == "goal":
                 bound = world.agents[Destination.goal]
-                bound[bound == there] = -1
-                bound[bound > there] -= 1
+                bound[bound == index] = -1
+                bound[bound > index] -= 1
             land.navigate()
 
 
@@ -377,8 +379,8 @@ def _things(world, kind, number):
 def as_command(world, kind, number):
     """The command that puts the thing with this id where and how it is now; a spawn counts its births on."""
     things = _things(world, kind, number)
-    there = next((k for k, thing in enumerate(things) if thing.id == number), None)
-    return RemoveThing(kind, number) if there is None else KINDS[kind].put(things[there], there)
+    index = next((k for k, thing in enumerate(things) if thing.id == number), None)
+    return RemoveThing(kind, number) if index is None else KINDS[kind].put(things[index], index)
 
 
 def away_by_id(kind):
@@ -387,12 +389,12 @@ def away_by_id(kind):
 
 
 def _draw_guide(g, at):
-    return DrawGuide(g.id, g.name, g.points.tolist(), **told(g, Guide), at=at)
+    return DrawGuide(g.id, g.name, g.points.tolist(), **settings_of(g, Guide), at=at)
 
 
 def _place_goal(g, at):
     points = None if g.polygon is None else g.polygon.tolist()
-    return PlaceGoal(g.id, g.name, *g.xy.tolist(), **told(g, Goal), points=points, at=at)
+    return PlaceGoal(g.id, g.name, *g.xy.tolist(), **settings_of(g, Goal), points=points, at=at)
 
 
 def _place_exit(e, at):
@@ -400,8 +402,8 @@ def _place_exit(e, at):
 
 
 def _mark_spawn(s, at):
-    told = {name: value for name, value in vars(s).items() if name != "polygon"}
-    return MarkSpawn(**told, points=s.polygon.tolist(), at=at)
+    properties = {name: value for name, value in vars(s).items() if name != "polygon"}
+    return MarkSpawn(**properties, points=s.polygon.tolist(), at=at)
 
 
 KINDS |= {
@@ -414,25 +416,25 @@ KINDS |= {
 
 def put_thing(things, thing, at):
     """Put a thing in the place of the one with its id, or where it belongs in the order."""
-    there = by_id(things, thing.id)
-    if there is not None:
-        things[there] = thing
+    index = by_id(things, thing.id)
+    if index is not None:
+        things[index] = thing
     else:
         things.insert(at if 0 <= at < len(things) else len(things), thing)
 
 
 def _thing_box(things, number, points):
-    there = by_id(things, number)
-    mine = box_of(points)
-    return mine if there is None else around(mine, box_of(things[there].polygon))
+    index = by_id(things, number)
+    box = box_of(points)
+    return box if index is None else around(box, box_of(things[index].polygon))
 
 
-def told(thing, kind):
+def settings_of(thing, kind):
     """{name: value} of what a designer may set of this kind of thing, from a thing or a command."""
     return {known.name: getattr(thing, known.name) for known in properties_of(kind)}
 
 
-def check_told(command, kind, names=None):
+def check_bounds(command, kind, names=None):
     """ValueError when something is out of the bounds that it has in a level; of these names alone, if told."""
     for known in properties_of(kind):
         if names is None or known.name in names:

@@ -44,11 +44,9 @@ from flockbrush.systems.senses import (
     Near,
     ObstaclesInSight,
     See,
-    SeeByHiddenPoints,
     SeeInSpace,
     SeeObstacles,
     Sight,
-    SightByHiddenPoints,
     SightInSpace,
 )
 from flockbrush.systems.steer import AskModels, scene_of
@@ -107,13 +105,17 @@ def explain(world, entity) -> Explanation:
         When it is not alive.
     """
     row = world.agents.row(entity)
-    told = reason(world, row) if world.has(Programs) else None
+    program_reason = reason(world, row) if world.has(Programs) else None
     small = _surroundings(world, row)
     try:
-        found = _explained(small, entity)
+        explained = _explained(small, entity)
     finally:
         small.close()
-    return found if told is None else replace(found, program=told[0], state=told[1], why=told[2])
+    return (
+        explained
+        if program_reason is None
+        else replace(explained, program=program_reason[0], state=program_reason[1], why=program_reason[2])
+    )
 
 
 def _surroundings(world, row):
@@ -140,9 +142,9 @@ def _surroundings(world, row):
     small.become(agents.ids[rows], columns, (), int(agents.ids[-1]) + 1)
     for kind in SHARED:
         small.insert(world.resource(kind))
-    for resource in (Near(), Sight(), SightByHiddenPoints(), ObstaclesInSight(), SightInSpace(), Ahead(), Noticed()):
+    for resource in (Near(), Sight(), ObstaclesInSight(), SightInSpace(), Ahead(), Noticed()):
         small.insert(resource)
-    perceive = (See(), SeeByHiddenPoints(), SeeObstacles(), SeeInSpace(), SeeAhead(), Notice())
+    perceive = (See(), SeeObstacles(), SeeInSpace(), SeeAhead(), Notice())
     for system in (Underfoot(), FindNeighbours(), *perceive, Roles(), BeAlarmed()):
         system.process(small)
     return small
@@ -164,7 +166,7 @@ def _explained(small, entity):
     lists, walls = small.resource(Sight).lists, small.resource(ObstaclesInSight)
     if palette.flies[brush] and scene.air is not None:
         lists = scene.air
-    seen = slice(lists.first[row], lists.first[row + 1])
+    neighbours = slice(lists.first[row], lists.first[row + 1])
     return Explanation(
         entity=int(entity),
         xy=agents[Position.xyz][row, :2].copy(),
@@ -174,8 +176,8 @@ def _explained(small, entity):
         shares=shares,
         result=agents[Wish.direction][row, :2].copy(),
         pace=float(agents[Wish.pace][row]),
-        sees=agents.ids[lists.near[seen]].tolist(),
-        offsets=lists.offset[seen, :2].copy(),
+        sees=agents.ids[lists.near[neighbours]].tolist(),
+        offsets=lists.offset[neighbours, :2].copy(),
         reference=int(agents[ReferenceBird.entity][row]),
         leader=bool(agents[Role.leader][row]),
         brush=palette.names[brush],
@@ -201,9 +203,9 @@ def _reasons(palette, agents, scene, row, own):
         agents[column][row] for column in (BrushBinding.brush, BrushBinding.previous, BrushBinding.blend)
     )
     says = palette.exact[brush]  # its velocity is not mixed with another's
-    told = _blended(palette, scene, row, brush, previous, 1.0 if says else blend)
-    if told:
-        return told
+    reasons = _blended(palette, scene, row, brush, previous, 1.0 if says else blend)
+    if reasons:
+        return reasons
     heading = scene.velocity[row].copy() if scene.velocity[row].any() else scene.forward[row].copy()
     return {"heading": heading, palette.brushes[brush].model: own - heading}
 
@@ -211,23 +213,23 @@ def _reasons(palette, agents, scene, row, own):
 def _with_drives(palette, agents, aloft, scene, row, own, reasons):
     """The reasons of model and drives together, and the shares of the drives."""
     brush = agents[BrushBinding.brush][row]
-    taken = None if scene.bodies is None else asked(scene, np.array([row], np.int32), palette.drives[brush])
-    total = 0.0 if taken is None else float(taken.share.sum())
-    if taken is None or total <= 0.0:
+    drive_shares = None if scene.bodies is None else asked(scene, np.array([row], np.int32), palette.drives[brush])
+    total = 0.0 if drive_shares is None else float(drive_shares.share.sum())
+    if drive_shares is None or total <= 0.0:
         return reasons, {}
-    velocity, shares = scene.velocity[row], taken.share[:, 0]
+    velocity, shares = scene.velocity[row], drive_shares.share[:, 0]
     size = np.sqrt((sum(reasons.values()) ** 2).sum())  # models tell directions; drives ask for velocities
     scale = (1.0 - total) * np.sqrt((own**2).sum()) / max(size, 1e-12)
-    told = {name: scale * vector for name, vector in reasons.items()}
-    for name, share, wish in zip(taken.names, shares.tolist(), taken.acceleration[:, 0], strict=True):
-        told[name] = told.get(name, 0.0) + share * (velocity + TAKES_UP * wish)
-    wanted, now = sum(told.values()), _own_wish(agents, aloft, scene, row)
+    combined = {name: scale * vector for name, vector in reasons.items()}
+    for name, share, wish in zip(drive_shares.names, shares.tolist(), drive_shares.acceleration[:, 0], strict=True):
+        combined[name] = combined.get(name, 0.0) + share * (velocity + TAKES_UP * wish)
+    total_wish, now = sum(combined.values()), _own_wish(agents, aloft, scene, row)
     if aloft[row] and agents[Thrust.kind][row] == BY_VELOCITY:  # only so far towards it in one tick
-        far = np.sqrt(((wanted - velocity) ** 2).sum())
+        far = np.sqrt(((total_wish - velocity) ** 2).sum())
         part = min(np.sqrt(((now - velocity) ** 2).sum()) / max(far, 1e-12), 1.0)
-        told = {name: part * vector for name, vector in told.items()}
-        told["heading"] = told.get("heading", 0.0) + (1.0 - part) * velocity
-    return told, dict(zip(taken.names, shares.tolist(), strict=True))
+        combined = {name: part * vector for name, vector in combined.items()}
+        combined["heading"] = combined.get("heading", 0.0) + (1.0 - part) * velocity
+    return combined, dict(zip(drive_shares.names, shares.tolist(), strict=True))
 
 
 def _unit(vector):
@@ -241,8 +243,8 @@ def _blended(palette, scene, row, brush, previous, blend):
         model = palette.models[index]
         if model.explain is None:
             return {}
-        told = model.explain(scene, row, palette.brushes[index].params)
-        answers.append({name: np.append(vector, [0.0] * (3 - len(vector))) for name, vector in told.items()})
+        vectors = model.explain(scene, row, palette.brushes[index].params)
+        answers.append({name: np.append(vector, [0.0] * (3 - len(vector))) for name, vector in vectors.items()})
     if len(answers) == 1:
         return answers[0]
     weight = blend * blend * (3.0 - 2.0 * blend)  # as `flockbrush.systems.steer` mixes

@@ -55,7 +55,7 @@ class SpeciesList:
 
     names: list[str] = field(default_factory=list)
     library: SpeciesLibrary = field(default_factory=shipped_species)
-    _told: tuple = (None, [], None, None)
+    _cached: tuple = (None, [], None, None)
 
     def state(self):
         """The names (see `flockbrush.engine.state`)."""
@@ -88,11 +88,11 @@ class SpeciesList:
 
     def _tables(self):
         names = tuple(self.names)
-        if self._told[0] != (names, self.library):
+        if self._cached[0] != (names, self.library):
             assets = [self.library.find(name) for name in names]
             tables = species_table(names, assets), relations_among(names, assets)
-            self._told = (names, self.library), assets, *tables
-        return self._told[1:]
+            self._cached = (names, self.library), assets, *tables
+        return self._cached[1:]
 
 
 def species_table(names, assets) -> SpeciesTable:
@@ -152,12 +152,12 @@ def _kin(names, assets):
 
 
 def _ignored(names, assets):
-    found = np.zeros((len(names), len(names)), bool)
+    ignored = np.zeros((len(names), len(names)), bool)
     for i in range(len(names)):
         for j in range(len(names)):
             relation = _relation(assets, names, i, j)
-            found[i, j] = relation is not None and relation.verb == "ignore"
-    return found
+            ignored[i, j] = relation is not None and relation.verb == "ignore"
+    return ignored
 
 
 def relations_among(names, assets) -> Relations:

@@ -159,12 +159,12 @@ def _rows_of(ids, rows, entities):
 
 def _leader(place, leads, xy, forward):
     """Who has led a skein so far; of several, or where nobody has, the front-most."""
-    asked = next((np.flatnonzero(some) for some in (leads, place == 0) if some.any()), np.arange(len(place)))
-    if len(asked) == 1:
-        return int(asked[0])
+    candidates = next((np.flatnonzero(some) for some in (leads, place == 0) if some.any()), np.arange(len(place)))
+    if len(candidates) == 1:
+        return int(candidates[0])
     ahead = _unit(np.array([_sum(forward[:, 0]), _sum(forward[:, 1])]))
     along = (xy[:, 0] - xy[0, 0]) * ahead[0] + (xy[:, 1] - xy[0, 1]) * ahead[1]
-    return int(asked[np.argmax(along[asked])])
+    return int(candidates[np.argmax(along[candidates])])
 
 
 def _see_again(agents, rows, sees):

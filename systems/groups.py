@@ -10,10 +10,11 @@ and leave.
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.components import Body, BrushBinding, Heading, Position, Species, Velocity
+from flockbrush.components import Body, BrushBinding, Family, Heading, Position, Species, Velocity
 from flockbrush.components.formation import FormationPlace
 from flockbrush.systems.fauna import SpeciesList, kin_of
 from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.life import Nursery
 from flockbrush.systems.measures import herd_measures
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import FindNeighbours, Near, See, SeeInSpace, Sight, SightInSpace
@@ -50,8 +51,8 @@ def groups_of(world):
     placed = np.flatnonzero((agents[FormationPlace.reference] > 0) | (agents[FormationPlace.place] == 0))
     if len(placed):
         links = links.tocoo()
-        kept = ~(np.isin(links.row, placed) & np.isin(links.col, placed))
-        links = coo_matrix((links.data[kept], (links.row[kept], links.col[kept])), shape=(n, n))
+        direct = ~(np.isin(links.row, placed) & np.isin(links.col, placed))
+        links = coo_matrix((links.data[direct], (links.row[direct], links.col[direct])), shape=(n, n))
     count, label = connected_components(links + _references(agents), directed=False)
     smallest = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(smallest, label, agents.ids)
@@ -61,6 +62,13 @@ def groups_of(world):
 def group_names(world):
     """Names of all groups there can be, by number - 1: the ids of all animals that have been born."""
     return [str(number) for number in range(1, world.next_entity)]
+
+
+def family_names(world):
+    """Names of all families there can be, by number, "" of none; empty in a world without families."""
+    if not (any(spawn.family_size for spawn in world.resource(Nursery).spawns) or world.agents[Family.number].any()):
+        return []
+    return ["", *group_names(world)]
 
 
 def mutual(lists, together):
@@ -96,7 +104,8 @@ def measures_of(world, rows=slice(None)):
 def summary(world):
     """{"species": {name: measures}, "brushes": {...}, "groups": [...]} of this moment, for reports.
 
-    Groups are sorted by size, the largest first, each with its number, species and measures.
+    Groups are sorted by size, the largest first, each with its number, species and measures, and with its families
+    where there are any.
     """
     agents = world.agents
     kinds, brushes = world.resource(SpeciesList).names, world.resource(Palette).names
@@ -107,6 +116,7 @@ def summary(world):
         "groups": [
             {"group": number, "species": sorted({kinds[k] for k in agents[Species.index][rows]})}
             | measures_of(world, rows)
+            | _families(world, rows)
             for number, rows in _rows_of_groups(found)
         ],
     }
@@ -114,6 +124,13 @@ def summary(world):
 
 def _by(world, codes, names):
     return {names[code]: measures_of(world, np.flatnonzero(codes == code)) for code in np.unique(codes)}
+
+
+def _families(world, rows):
+    numbers = world.agents[Family.number][rows]
+    families = [(number, part) for number, part in _rows_of_groups(numbers) if number]
+    told = [{"family": number} | measures_of(world, rows[part]) for number, part in families]
+    return {"families": told} if told else {}
 
 
 def _rows_of_groups(found):

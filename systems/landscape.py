@@ -17,7 +17,7 @@ from flockbrush.systems.ground_edges import across_seam, outline_edges
 from flockbrush.systems.ground_height import Heights, Hills, heights_of_ground
 from flockbrush.systems.marks import BRUSHES_OWN, Above, MapMarks
 from flockbrush.systems.navigation import Navigation, navigation_of
-from flockbrush.systems.sky_solids import solids_in_the_air
+from flockbrush.systems.sky_solids import solids_in_the_air, solids_on_the_ground
 from flockbrush.systems.terrain import NO_BRUSH, compose_blocked, relief_of, steepest_within, steepness_of
 from flockbrush.systems.visibility import Edges, edges_by_cell, no_edges
 
@@ -110,6 +110,7 @@ class Landscape:
     overhead: list[Obstacle] = field(default_factory=list)  # what begins above the ground
     glides: list[Glide] = field(default_factory=list)  # what is on its way to another place
     _sky: tuple[Solids, Solids] | None = None
+    _standing: Solids | None = None
 
     def __post_init__(self):
         shape = self.brush.shape
@@ -130,10 +131,10 @@ class Landscape:
     def _regular(self):
         """(ny, nx) bool, where the ground as read is no other than its kind: there one may say so by its name."""
         native, everywhere = self.native, (..., slice(None))
-        told = {name: self._of_ground(name, None, native.kind, *everywhere) for name in (*OF_BARE, *native.more)}
-        there = native.walkable, native.blind, native.cost, native.factor
-        there = dict(zip(OF_BARE, there, strict=True)) | native.more
-        return np.logical_and.reduce([told[name] == there[name] for name in there])
+        properties = {name: self._of_ground(name, None, native.kind, *everywhere) for name in (*OF_BARE, *native.more)}
+        rasters = native.walkable, native.blind, native.cost, native.factor
+        rasters = dict(zip(OF_BARE, rasters, strict=True)) | native.more
+        return np.logical_and.reduce([properties[name] == rasters[name] for name in rasters])
 
     @property
     def wrap(self):
@@ -156,6 +157,13 @@ class Landscape:
     def sky(self):
         """`Solids` that keep those in the air out."""
         return self._in_space()[0]
+
+    @property
+    def standing(self):
+        """`Solids` that keep those out that a model of flight moves along the ground."""
+        if self._standing is None:
+            self._standing = solids_on_the_ground(self)
+        return self._standing
 
     @property
     def opaque_solids(self):
@@ -240,10 +248,12 @@ class Landscape:
 
     def _of_ground(self, name, native, ground, iy, ix):
         """One property of painted cells, the level's own where they are as it was read."""
-        told = np.array([getattr(kind, name) for kind in self.kinds] + [self.of_bare[name]])[np.maximum(ground, BARE)]
+        by_kind = np.array([getattr(kind, name) for kind in self.kinds] + [self.of_bare[name]])[
+            np.maximum(ground, BARE)
+        ]
         if name in self.native.more:
-            return np.where(ground == NATIVE, self.native.more[name][iy, ix], told)
-        return told if native is None else np.where(ground == NATIVE, getattr(self.native, native)[iy, ix], told)
+            return np.where(ground == NATIVE, self.native.more[name][iy, ix], by_kind)
+        return by_kind if native is None else np.where(ground == NATIVE, getattr(self.native, native)[iy, ix], by_kind)
 
     def ground_at(self, name, xyz):
         """(n,) a property of the ground under places (n, 2 or 3) m; off the map that of the nearest cell.
@@ -293,7 +303,7 @@ class Landscape:
 
     def changed(self):
         """Say that barriers, guides, goals or exits are others now."""
-        self._head = self._sky = None
+        self._head = self._sky = self._standing = None
         names = [goal.name for goal in self.goals]
         for goal in self.goals:
             goal.next_index = names.index(goal.next) if goal.next in names else -1
@@ -344,9 +354,9 @@ class Landscape:
             height = height.reshape(blocked.shape)
             steep = steepest_within(self.steepness, self.relief_cell, blocked.shape, self.cell)
         closed = [blocked] if height is None else [blocked | (steep > limit) for limit in self.slope_limits]
-        made = [navigation_of(guides, goals, where, cost, self.cell, height=height) for where in closed]
-        return made[0] if len(made) == 1 else Navigation(self.cell, *(np.concatenate(part) for part in zip(
-            *((one.fields, one.times) for one in made), strict=True
+        parts = [navigation_of(guides, goals, where, cost, self.cell, height=height) for where in closed]
+        return parts[0] if len(parts) == 1 else Navigation(self.cell, *(np.concatenate(part) for part in zip(
+            *((one.fields, one.times) for one in parts), strict=True
         )))  # fmt: skip
 
     def _inputs(self):
@@ -358,8 +368,8 @@ class Landscape:
         """The navigation field of how everything was when it was last made."""
         things, ground = known
         barriers, guides, goals = (
-            [kind(**_arrays(thing)) for thing in told]
-            for kind, told in zip((Obstacle, Guide, Goal), json.loads(things), strict=True)
+            [kind(**_arrays(thing)) for thing in entries]
+            for kind, entries in zip((Obstacle, Guide, Goal), json.loads(things), strict=True)
         )
         ground = np.frombuffer(ground, np.int16).reshape(self.brush.shape)
         walkable = self._of_ground("walkable", "walkable", ground, ..., slice(None))
@@ -475,12 +485,12 @@ _ARRAYS = ("polygon", "points", "xy", "corners")
 
 def _plain(thing):
     """A barrier, guide, goal or exit as JSON takes it."""
-    told = {name: getattr(thing, name) for name in _ORDER[type(thing)]}
-    if told.get("corners", ...) is None:  # none but hulls have any
-        del told["corners"]
-    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in told.items()}
+    values = {name: getattr(thing, name) for name in _ORDER[type(thing)]}
+    if values.get("corners", ...) is None:  # none but hulls have any
+        del values["corners"]
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
 
-def _arrays(told):
+def _arrays(values):
     """The arguments of a thing from what `_plain` told."""
-    return {name: np.array(v, float) if name in _ARRAYS and v is not None else v for name, v in told.items()}
+    return {name: np.array(v, float) if name in _ARRAYS and v is not None else v for name, v in values.items()}

@@ -30,8 +30,8 @@ def need_alive(world, entities):
     need_entities(entities)
     rows = rows_of(world, entities)
     if len(rows) < len(entities):
-        gone = sorted(set(entities) - set(world.agents.ids[rows].tolist()))
-        raise ValueError(f"there is no animal {gone[0]}")
+        missing = sorted(set(entities) - set(world.agents.ids[rows].tolist()))
+        raise ValueError(f"there is no animal {missing[0]}")
     return rows
 
 
@@ -116,11 +116,11 @@ def steer_leaders(agents):
     kind, target = agents[Leading.kind][rows], agents[Leading.target][rows]
     way = np.where((kind == POINT)[:, None], target - agents[Position.xyz][rows, :2], target)
     far = np.sqrt((way * way).sum(1))
-    there = (kind == POINT) & (far <= ARRIVED * agents[Body.length][rows])
+    arrived = (kind == POINT) & (far <= ARRIVED * agents[Body.length][rows])
     scale = np.where(kind == POINT, 1.0 / np.maximum(far, 1e-12), 1.0)
-    agents[Ground.guidance][rows] = np.where(there[:, None], 0.0, way * scale[:, None])
-    agents[Leading.kind][rows[there]] = NOWHERE
-    agents[Leading.target][rows[there]] = 0.0
+    agents[Ground.guidance][rows] = np.where(arrived[:, None], 0.0, way * scale[:, None])
+    agents[Leading.kind][rows[arrived]] = NOWHERE
+    agents[Leading.target][rows[arrived]] = 0.0
 
 
 def hold_back(agents, palette):

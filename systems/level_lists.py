@@ -41,12 +41,12 @@ class TouchedThings(NamedTuple):
         known, (before, born), out = KINDS[self.kind], taken, []
         for n, (was, now) in enumerate(zip(before, lists_of(world, self.kind), strict=True)):
             stays = {id(thing) for thing in was} & {id(thing) for thing in now}
-            gone = [(k, thing) for k, thing in enumerate(was) if id(thing) not in stays]
-            changed = {thing.id or thing.name for _, thing in gone}
+            removed = [(k, thing) for k, thing in enumerate(was) if id(thing) not in stays]
+            changed = {thing.id or thing.name for _, thing in removed}
             added = [(k, thing) for k, thing in enumerate(now) if id(thing) not in stays]
             new = [(k, thing) for k, thing in added if (thing.id or thing.name) not in changed]
             out += [known.away(thing, k, n) for k, thing in reversed(new)]
-            for k, thing in gone:
+            for k, thing in removed:
                 put = known.put(thing, k)
                 out.append(replace(put, born=born[k]) if born else put)
         return out

@@ -10,6 +10,7 @@ from flockbrush.components import Body, Destination, Position, Species
 from flockbrush.components.level_things import Spawn
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.schedule import Stage, System
+from flockbrush.systems.families import make_families
 from flockbrush.systems.fauna import HUNT, SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.named_regions import in_goal
@@ -25,10 +26,10 @@ class Nursery:
 
     spawns: list[Spawn] = field(default_factory=list)
     born: list[int] = field(default_factory=list)
-    _told: tuple = ([], b"[]")  # the spawns once put into words, for it is asked for in every tick
+    _cached: tuple = ([], b"[]")  # the spawns once put into words, for it is asked for in every tick
 
     def put(self, spawn, born=0, at=None):
-        """Add a spawn that has brought so many already, behind the others unless told where."""
+        """Add a spawn that has brought so many already, behind the others by default where."""
         at = len(self.spawns) if at is None else at
         self.spawns.insert(at, spawn)
         self.born.insert(at, born)
@@ -39,11 +40,11 @@ class Nursery:
 
     def state(self):
         """What of it belongs to the state of the world (see `flockbrush.engine.state.state_hash`)."""
-        known = self._told[0]
+        known = self._cached[0]
         if len(known) != len(self.spawns) or any(a is not b for a, b in zip(known, self.spawns, strict=True)):
             plain = [_plain(spawn) for spawn in self.spawns]
-            self._told = list(self.spawns), json.dumps(plain).encode()
-        return np.array([len(self.born), *self.born], np.int64).tobytes() + self._told[1]
+            self._cached = list(self.spawns), json.dumps(plain).encode()
+        return np.array([len(self.born), *self.born], np.int64).tobytes() + self._cached[1]
 
     def set_state(self, data):
         """Put back what `state` gave."""
@@ -51,21 +52,22 @@ class Nursery:
         end = 8 + 8 * count
         self.born = np.frombuffer(data[8:end], np.int64).tolist()
         self.state()
-        if bytes(data[end:]) != self._told[1]:
-            told = [{**spawn, "polygon": np.array(spawn["polygon"], float)} for spawn in json.loads(data[end:])]
-            self.spawns = [Spawn(**spawn) for spawn in told]
+        if bytes(data[end:]) != self._cached[1]:
+            spawns = [{**spawn, "polygon": np.array(spawn["polygon"], float)} for spawn in json.loads(data[end:])]
+            self.spawns = [Spawn(**spawn) for spawn in spawns]
 
 
 _ORDER = (  # of fields in the state: its hash depends on it
     "id", "name", "polygon", "species", "brush", "count", "heading", "speed", "altitude", "start", "rate", "formation",
-    "body_length", "depth", "since", "program",
+    "body_length", "depth", "since", "program", "family_size",
 )  # fmt: skip
+_ADDED = ("program", "family_size")  # to the state since it was first hashed: left out where they are not used
 
 
 def _plain(spawn):
-    """A spawn as JSON has it; one without a program as it was before there were any."""
-    told = {name: getattr(spawn, name) for name in _ORDER} | {"polygon": spawn.polygon.tolist()}
-    return told if spawn.program else {name: value for name, value in told.items() if name != "program"}
+    """A spawn as JSON has it."""
+    names = (name for name in _ORDER if name not in _ADDED or getattr(spawn, name))
+    return {name: getattr(spawn, name) for name in names} | {"polygon": spawn.polygon.tolist()}
 
 
 REACH = 0.25  # body lengths from body to body: so near a hunter catches its prey
@@ -74,19 +76,19 @@ REACH = 0.25  # body lengths from body to body: so near a hunter catches its pre
 def caught(world):
     """(n,) bool, who is caught by a hunter whose species takes its prey out of the world."""
     agents, lists = world.agents, world.resource(Noticed).lists if world.has(Noticed) else None
-    gone = np.zeros(len(agents), bool)
+    leaves = np.zeros(len(agents), bool)
     if lists is None:
-        return gone
+        return leaves
     removes = world.resource(SpeciesList).relations.removes
     hunts = np.flatnonzero(lists.verb == HUNT)
     if not len(hunts) or not removes.any():
-        return gone
+        return leaves
     hunter, prey = np.searchsorted(lists.first, hunts, side="right") - 1, lists.near[hunts]
     species, size = agents[Species.index], agents[Body.axis] + agents[Body.radius]
     near = np.sqrt((lists.offset[hunts] ** 2).sum(axis=1)) - size[hunter] - size[prey]
     fatal = removes[species[hunter], species[prey]] & (near <= REACH * agents[Body.length][hunter])
-    gone[prey[fatal]] = True
-    return gone
+    leaves[prey[fatal]] = True
+    return leaves
 
 
 class Live(System):
@@ -97,37 +99,37 @@ class Live(System):
     writes = (Destination, Nursery)
 
     def process(self, world):
-        gone = np.zeros(len(world.agents), bool)
-        self._arrive(world, gone)
-        self._leave(world, gone)
-        gone |= caught(world)
-        for entity in world.agents.ids[gone].tolist():
+        leaves = np.zeros(len(world.agents), bool)
+        self._arrive(world, leaves)
+        self._leave(world, leaves)
+        leaves |= caught(world)
+        for entity in world.agents.ids[leaves].tolist():
             world.delete_entity(entity)
         self._bear(world)
 
     @staticmethod
-    def _arrive(world, gone):
+    def _arrive(world, leaves):
         land, xyz = world.resource(Landscape), world.agents[Position.xyz]
         bound = world.agents[Destination.goal]
         was = bound.copy()
         for k, goal in enumerate(land.goals):
             if goal.on_arrive == "stay":
                 continue
-            here = (was == k) & in_goal(goal, xyz)
+            arrived = (was == k) & in_goal(goal, xyz)
             if goal.on_arrive == "despawn":
-                gone |= here
+                leaves |= arrived
             elif goal.on_arrive == "next":
-                bound[here] = goal.next_index
+                bound[arrived] = goal.next_index
             else:  # disperse
-                bound[here] = -1
+                bound[arrived] = -1
 
     @staticmethod
-    def _leave(world, gone):
+    def _leave(world, leaves):
         land, xyz = world.resource(Landscape), world.agents[Position.xyz]
         for exit in land.exits:
-            gone |= inside_polygon(xyz, exit.polygon)
+            leaves |= inside_polygon(xyz, exit.polygon)
         if land.boundary == "despawn":
-            gone |= (xyz[:, 0] < 0) | (xyz[:, 1] < 0) | (xyz[:, 0] > land.width) | (xyz[:, 1] > land.height)
+            leaves |= (xyz[:, 0] < 0) | (xyz[:, 1] < 0) | (xyz[:, 0] > land.width) | (xyz[:, 1] > land.height)
 
     @staticmethod
     def _bear(world):
@@ -137,11 +139,11 @@ class Live(System):
             if due <= 0:
                 continue
             try:
-                bear(world, spawn, due, f"spawn {spawn.id}")
+                spawn_animals(world, spawn, due, f"spawn {spawn.id}")
             except NoRoom as full:  # the rest come when there is room
                 due = full.fitted
                 if due:
-                    bear(world, spawn, due, f"spawn {spawn.id}")
+                    spawn_animals(world, spawn, due, f"spawn {spawn.id}")
             nursery.born[k] += due
 
 
@@ -155,8 +157,10 @@ def births_due(spawn, now):
     return min(due, spawn.count) if spawn.count else due
 
 
-def bear(world, spawn, count, stream):
+def spawn_animals(world, spawn, count, stream):
     """Births as one spawn of the level has them."""
     born = give_birth(world, spawn, count, stream)
     born_into(world, born, spawn.program)
+    if spawn.family_size:
+        make_families(world, born, spawn.family_size)
     return born

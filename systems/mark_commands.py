@@ -63,8 +63,8 @@ class DrawZone(OfThing):
 
     def zone(self):
         """The zone as the landscape keeps it; ValueError when the points are no outline."""
-        told = {known.name: getattr(self, known.name) for known in ZONE}
-        return Zone.of(self.id, self.name, polygon_of(self.points, "a zone"), told)
+        properties = {known.name: getattr(self, known.name) for known in ZONE}
+        return Zone.of(self.id, self.name, polygon_of(self.points, "a zone"), properties)
 
     def ground_box(self, world):
         return "all"
@@ -144,9 +144,9 @@ class PlaceKey(OfThing):
         need(0 <= self.when <= 1e7, f"when must be 0 to 1e7 s, got {self.when:g}")
         inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
         need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
-        given = from_record(self.command, self.given())
-        if hasattr(given, "check"):
-            given.check(world)
+        command = from_record(self.command, self.given())
+        if hasattr(command, "check"):
+            command.check(world)
 
     def given(self):
         """The command's arguments, with the place where the key stands."""
@@ -175,7 +175,7 @@ def _check_free(land, mine):
 
 
 def _draw_zone(zone, at):
-    return DrawZone(zone.id, zone.name, zone.polygon.tolist(), **zone.told(), at=at)
+    return DrawZone(zone.id, zone.name, zone.polygon.tolist(), **zone.properties(), at=at)
 
 
 def _draw_line(line, at):

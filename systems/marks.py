@@ -41,16 +41,16 @@ class PaintBounds:
         return self.blend == "cover"
 
     @classmethod
-    def of(cls, told):
+    def of(cls, properties):
         """From the properties of a zone or a layer by name, as a level says them."""
-        species = tuple(word.strip() for word in told["species"].split(",") if word.strip())
-        low = -math.inf if told["z_min"] <= -NO_LIMIT else told["z_min"]
-        high = math.inf if told["z_max"] >= NO_LIMIT else told["z_max"]
-        if "strength" not in told:  # of a layer
-            return cls(species, told["medium"], low, high, told["blend"], told["edge"])
-        strength, edge = told["strength"], told["edge"]
-        blend = "share" if told["share"] else "mix" if strength < 1.0 or edge > 0.0 else "cover"
-        return cls(species, told["medium"], low, high, blend, edge, strength)
+        species = tuple(word.strip() for word in properties["species"].split(",") if word.strip())
+        low = -math.inf if properties["z_min"] <= -NO_LIMIT else properties["z_min"]
+        high = math.inf if properties["z_max"] >= NO_LIMIT else properties["z_max"]
+        if "strength" not in properties:  # of a layer
+            return cls(species, properties["medium"], low, high, properties["blend"], properties["edge"])
+        strength, edge = properties["strength"], properties["edge"]
+        blend = "share" if properties["share"] else "mix" if strength < 1.0 or edge > 0.0 else "cover"
+        return cls(species, properties["medium"], low, high, blend, edge, strength)
 
 
 @dataclass
@@ -69,12 +69,18 @@ class Zone:
     bounds: PaintBounds = PaintBounds()  # whom its brush binds
 
     @classmethod
-    def of(cls, number, name, polygon, told):
+    def of(cls, number, name, polygon, properties):
         """From the properties of a zone by name, as a level says them."""
-        own = told["factor"], told["blend"], told["event"], told["event_reach"], PaintBounds.of(told)
-        return cls(number, name, polygon, told["brush"] or None, told["max_speed"] or math.inf, *own)
+        own = (
+            properties["factor"],
+            properties["blend"],
+            properties["event"],
+            properties["event_reach"],
+            PaintBounds.of(properties),
+        )
+        return cls(number, name, polygon, properties["brush"] or None, properties["max_speed"] or math.inf, *own)
 
-    def told(self):
+    def properties(self):
         """Its properties by name, as a level says them."""
         bounds = self.bounds
         return {
@@ -164,11 +170,11 @@ class MapMarks:
 
     def regions(self):
         """{name: its polygons} of zones and areas: what programs ask about."""
-        found: dict[str, list[np.ndarray]] = {}
+        polygons: dict[str, list[np.ndarray]] = {}
         for thing in (*self.zones, *self.areas):
             if thing.name:
-                found.setdefault(thing.name, []).append(thing.polygon)
-        return found
+                polygons.setdefault(thing.name, []).append(thing.polygon)
+        return polygons
 
     # state -------------------------------------------------------------------------
 
@@ -177,12 +183,12 @@ class MapMarks:
         now = self._plain()
         return None if now == self._read else {"names": self.names, **json.loads(now)}
 
-    def set_state(self, told, land):
+    def set_state(self, state, land):
         """Take back what `state` gave."""
-        before, told = self._plain(), told or json.loads(self._read)
-        self.names = told.get("names", self.names)
+        before, state = self._plain(), state or json.loads(self._read)
+        self.names = state.get("names", self.names)
         for kind, cls in KINDS.items():
-            setattr(self, kind, [_thing(cls, values) for values in told[kind]])
+            setattr(self, kind, [_thing(cls, values) for values in state[kind]])
         if self._plain() != before:
             self.lay(land)
 
@@ -192,17 +198,17 @@ class MapMarks:
 
 def _values(thing):
     """The fields of a dataclass as JSON takes them."""
-    told = {f.name: getattr(thing, f.name) for f in fields(thing) if f.name != "line"}
+    values = {f.name: getattr(thing, f.name) for f in fields(thing) if f.name != "line"}
     return {
         name: value.tolist() if isinstance(value, np.ndarray) else _values(value) if is_dataclass(value) else value
-        for name, value in told.items()
+        for name, value in values.items()
     }
 
 
 def _thing(cls, values):
     """What `_values` told."""
     arrays = ("polygon", "points", "xy")
-    told = {name: np.array(value, float) if name in arrays else value for name, value in values.items()}
-    if "bounds" in told:
-        told["bounds"] = PaintBounds(**{**told["bounds"], "species": tuple(told["bounds"]["species"])})
-    return cls(**told)
+    arguments = {name: np.array(value, float) if name in arrays else value for name, value in values.items()}
+    if "bounds" in arguments:
+        arguments["bounds"] = PaintBounds(**{**arguments["bounds"], "species": tuple(arguments["bounds"]["species"])})
+    return cls(**arguments)

@@ -46,7 +46,7 @@ def compute_rotation(xy, direction, centre=None):
 
 
 def compute_milling(xy, direction, centre=None):
-    """|mean(r̂ x û)|, 0 to 1: the angular momentum of eq. 13 of [1]_, about the centroid unless told otherwise."""
+    """|mean(r̂ x û)|, 0 to 1: the angular momentum of eq. 13 of [1]_, about `centre`, by default the centroid."""
     return abs(compute_rotation(xy, direction, centre))
 
 
@@ -277,7 +277,7 @@ def herd_measures(xyz, velocity, forward, body_length, wrap=None, flies=False):
         Somebody is in the air: distances are measured in space, not in plan.
     """
     herd = HerdMoment(xyz, compute_unwrapped(xyz, wrap), velocity, forward, body_length, wrap, flies)
-    return {name: found.compute(herd) for name, found in measures().items()}
+    return {name: known.compute(herd) for name, known in measures().items()}
 
 
 @measure("animals", meaning="number of animals", low=0)

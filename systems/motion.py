@@ -100,7 +100,7 @@ def _walk(world, rows, max_turn, top):
 
 def _fly(world, near, max_turn, top):
     agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
-    order, solids = np.flatnonzero(near.aloft), in_the_way(agents, land.sky, near.aloft)
+    order = np.flatnonzero(near.aloft)
     table, species = world.resource(SpeciesList).table, agents[Species.index]
     climb = np.where(table.known[species], table.climb[species], np.inf)  # who is not described has no limits
     limits = FlightLimits(
@@ -112,7 +112,11 @@ def _fly(world, near, max_turn, top):
         agents[Transit.kind],
     )  # fmt: skip
     dt, flyers = world.resource(Clock).dt, flyers_of(agents)
-    over_rows(fly, len(order), order, dt, flyers, limits, wanted, solids, _hills(world))
+    held, hills = palette.grounded[agents[BrushBinding.brush]][order], _hills(world)
+    for rows, around in ((order[~held], "sky"), (order[held], "standing")):
+        if len(rows):
+            solids = in_the_way(agents, getattr(land, around), near.aloft)
+            over_rows(fly, len(rows), rows, dt, flyers, limits, wanted, solids, hills)
     _level_at_landing(agents, order)
 
 

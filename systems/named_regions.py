@@ -14,13 +14,13 @@ from flockbrush.systems.spawning import inside_polygon
 
 def in_region(name, xyz, land):
     """(n,) bool, who is in a region; nobody where the level has none of that name."""
-    found = np.zeros(len(xyz), bool)
+    inside = np.zeros(len(xyz), bool)
     for polygon in land.marks.regions().get(name, ()):
-        found |= inside_polygon(xyz, polygon)
+        inside |= inside_polygon(xyz, polygon)
     for goal in land.goals:
         if goal.name == name:
-            found |= in_goal(goal, xyz)
-    return found
+            inside |= in_goal(goal, xyz)
+    return inside
 
 
 def middle_of_region(name, land):

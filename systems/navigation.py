@@ -103,7 +103,7 @@ def navigation_of(guides, goals, blocked, cost=None, cell=1.0, height=None):
     cell : float
         Size of a grid cell, m.
     height : ndarray, (ny, nx), optional
-        Of the ground, m; flat unless told.
+        Of the ground, m; flat by default.
 
     Returns
     -------
@@ -187,7 +187,7 @@ def goal_field(goal, cost, blocked, cell, height=None):
     cell : float
         Size of a cell, m.
     height : ndarray, (ny, nx), optional
-        Of the ground, m; flat unless told.
+        Of the ground, m; flat by default.
 
     Returns
     -------

@@ -88,16 +88,16 @@ class Notice(System):
         species = agents[Species.index]
         if not len(agents):
             return
-        told, table = world.resource(SpeciesList).relations, world.resource(SpeciesList).table
+        relations, table = world.resource(SpeciesList).relations, world.resource(SpeciesList).table
         kind = kinds_of(species, palette.danger[agents[BrushBinding.brush]])
-        verb = _asked_for(told.verb, palette)
+        verb = _asked_for(relations.verb, palette)
         present = np.zeros(len(verb), bool)
         present[kind] = True
         verb = np.where(present[:, None] & present, verb, 0).astype(np.uint8)
         if not verb.any():
             return
         aloft = world.resource(Near).aloft
-        noticed.lists = noticed_by(agents, world.resource(Landscape), aloft, kind, verb, told, table)
+        noticed.lists = noticed_by(agents, world.resource(Landscape), aloft, kind, verb, relations, table)
 
 
 def _asked_for(verb, palette):
@@ -109,7 +109,7 @@ def _asked_for(verb, palette):
     return verb
 
 
-def noticed_by(agents, land, aloft, kind, verb, told, table):
+def noticed_by(agents, land, aloft, kind, verb, relations, table):
     """`NoticedLists` of all animals of a world, by their kinds."""
     n, species = len(agents), agents[Species.index]
     aloft = np.zeros(n, np.bool_) if aloft is None else aloft
@@ -121,7 +121,7 @@ def noticed_by(agents, land, aloft, kind, verb, told, table):
         agents[Position.xyz], agents[Heading.forward], agents[Body.length], agents[Body.radius], aloft, kind,
         agents[Individual.boldness], agents[Alarm.level], cosine, table.eyes[species] * agents[Body.length],
     )  # fmt: skip
-    kinds = ByKind(by_kind, kind_first, verb, told.notice)
+    kinds = ByKind(by_kind, kind_first, verb, relations.notice)
     hiding = Hiding(land.opaque.ends, land.opaque_solids, land.relief_cell, land.relief, *wrap)
     given = watchers, kinds, hiding
     count = np.zeros(n, np.int64)
@@ -134,7 +134,7 @@ def noticed_by(agents, land, aloft, kind, verb, told, table):
         over_rows(_notice, n, *given, first, near, offset, notice, count)
     observer = np.repeat(np.arange(n), count)
     pair = kind[observer], kind[near]
-    return NoticedLists(first, near, offset, verb[pair], told.weight[pair], notice)
+    return NoticedLists(first, near, offset, verb[pair], relations.weight[pair], notice)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

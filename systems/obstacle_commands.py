@@ -76,21 +76,21 @@ class AddObstacle:
 
     def stand(self, land):
         """(z_min, z_max, shape, corners); what is not told is as it was, or from the ground up."""
-        there = next((b for b in (*land.barriers, *land.overhead) if self.id and b.id == self.id), None)
+        existing = next((b for b in (*land.barriers, *land.overhead) if self.id and b.id == self.id), None)
         usual = (0.0, 1000.0, "box", None)
-        if there is not None:
-            usual = there.z_min, there.z_max, there.shape, there.corners
-        told = self.z_min, self.z_max, self.shape, self.corners
-        return tuple(b if a is None else a for a, b in zip(told, usual, strict=True))
+        if existing is not None:
+            usual = existing.z_min, existing.z_max, existing.shape, existing.corners
+        given = self.z_min, self.z_max, self.shape, self.corners
+        return tuple(b if a is None else a for a, b in zip(given, usual, strict=True))
 
     def polygon(self):
         """(k, 2) m, counter-clockwise; ValueError when the points are none."""
         return polygon_of(self.points, "an obstacle")
 
     def ground_box(self, world):
-        things, mine = self._things(world.resource(Landscape)), box_of(self.polygon())
-        there = by_id(things, self.id)
-        return mine if there is None else around(mine, box_of(things[there].polygon))
+        things, box = self._things(world.resource(Landscape)), box_of(self.polygon())
+        index = by_id(things, self.id)
+        return box if index is None else around(box, box_of(things[index].polygon))
 
     def touches(self, world):
         return [TouchedThings("obstacle")]
@@ -107,9 +107,9 @@ class AddObstacle:
         stops = self.polygon(), self.solid, self.blocks_view, self.margin
         barrier = Obstacle(self.id, self.name, *stops, *stands, corners)
         things = self._things(land)
-        before, there = list(things), by_id(things, self.id)
-        if there is not None:
-            things[there] = barrier
+        before, index = list(things), by_id(things, self.id)
+        if index is not None:
+            things[index] = barrier
         else:
             things.insert(self.at if 0 <= self.at < len(things) else len(things), barrier)
         land.rebuild(navigation=False)
@@ -127,11 +127,11 @@ def check_corners(corners):
     """ValueError unless these are the corners of a solid, (k, 3), or None."""
     if corners is None:
         return
-    told = np.array(corners, object)
-    fits = told.ndim == 2 and told.shape[1] == 3 and all(_is_number(value) for value in told.ravel())
+    rows = np.array(corners, object)
+    fits = rows.ndim == 2 and rows.shape[1] == 3 and all(_is_number(value) for value in rows.ravel())
     need(fits, "corners must be [[east, north, up], ...] in m")
-    need(len(told) <= MOST_CORNERS, f"a hull has at most {MOST_CORNERS} corners, got {len(told)}")
-    polyhedron(told.astype(float))
+    need(len(rows) <= MOST_CORNERS, f"a hull has at most {MOST_CORNERS} corners, got {len(rows)}")
+    polyhedron(rows.astype(float))
 
 
 def box_of(points):
@@ -170,15 +170,15 @@ class RemoveObstacle:
         land = world.resource(Landscape)
         lists = land.barriers, land.overhead
         if self.id:
-            found = [[k for k, b in enumerate(things) if b.id == self.id][:1] for things in lists]
-            need(any(found), f"there is no obstacle {self.id} in this world")
-            return found
+            rows = [[k for k, b in enumerate(things) if b.id == self.id][:1] for things in lists]
+            need(any(rows), f"there is no obstacle {self.id} in this world")
+            return rows
         names = [b.name for things in lists for b in things]
         need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
-        found = [[k for k, b in enumerate(things) if b.name == self.name] for things in lists]
-        if self.at in found[self.overhead]:
-            found = [[], [self.at]] if self.overhead else [[self.at], []]
-        return found
+        rows = [[k for k, b in enumerate(things) if b.name == self.name] for things in lists]
+        if self.at in rows[self.overhead]:
+            rows = [[], [self.at]] if self.overhead else [[self.at], []]
+        return rows
 
     def ground_box(self, world):
         return around(*(box_of(things[k].polygon) for things, k in self._pairs(world)))
@@ -189,7 +189,7 @@ class RemoveObstacle:
     def _pairs(self, world):
         land = world.resource(Landscape)
         lists = zip((land.barriers, land.overhead), self.gone(world), strict=True)
-        return [(things, k) for things, gone in lists for k in gone]
+        return [(things, k) for things, rows in lists for k in rows]
 
     def apply(self, world):
         land = world.resource(Landscape)
@@ -273,10 +273,10 @@ class StandObstacle:
             for points, low, high in self.stand:
                 polygon_of(points, "an obstacle")
                 need(float(low) < float(high), "z_min must be below z_max")
-            told = [(np.array(by, float).shape == (3,) and float(left) >= 0) for by, left in self.glides]
+            valid = [(np.array(by, float).shape == (3,) and float(left) >= 0) for by, left in self.glides]
         except TypeError:
-            told = [False]
-        need(all(told), "stand must be a list of [points, z_min, z_max], glides a list of [[x, y, z], seconds]")
+            valid = [False]
+        need(all(valid), "stand must be a list of [points, z_min, z_max], glides a list of [[x, y, z], seconds]")
 
     def touches(self, world):
         return [TouchedStand(self.name)]

@@ -56,8 +56,8 @@ def value_of(world, layer, number):
         return 0.0 if np.isinf(number) else float(number)
     if number < 0:
         return NATIVE_NAME if layer == "surface" and number == NATIVE else ""
-    named = world.resource(Palette).brushes if layer == "brush" else world.resource(Landscape).kinds
-    return named[number].name
+    assets = world.resource(Palette).brushes if layer == "brush" else world.resource(Landscape).kinds
+    return assets[number].name
 
 
 def lay(world, layer, iy, ix, numbers):
@@ -252,9 +252,9 @@ class Paint(OnCells):
         if self.layer == "cap":
             return iy, ix, weight
         if self.softness > 0:
-            kept = taken(iy, ix, weight)
-            kept |= len(kept) == 1
-            iy, ix, weight = iy[kept], ix[kept], weight[kept]
+            kept_cells = taken(iy, ix, weight)
+            kept_cells |= len(kept_cells) == 1
+            iy, ix, weight = iy[kept_cells], ix[kept_cells], weight[kept_cells]
         return iy, ix, weight
 
     def where(self, world):

@@ -78,9 +78,9 @@ class Palette:
     def steps_to(self, name):
         """Index of the first of the brushes between others and this one that `mix` made; None if they are not last."""
         ends = {step_name(start.name, name, k) for start in self.own for k in range(1, STEPS)}
-        found = [k for k, brush in enumerate(self.brushes) if brush.name in ends]
-        first = found[0] if found else len(self)
-        return first if name in self._brought[0] and found == list(range(first, len(self))) else None
+        indices = [k for k, brush in enumerate(self.brushes) if brush.name in ends]
+        first = indices[0] if indices else len(self)
+        return first if name in self._brought[0] and indices == list(range(first, len(self))) else None
 
     def unmix(self, name, files):
         """Take back `mix`, of brushes that stand last in the palette (`steps_to`)."""
@@ -146,12 +146,12 @@ class Palette:
     def set_state(self, data):
         """Take back what `state` gave."""
         before = {b.name: b for b in self.brushes}
-        self.brushes, self.index, told = [], {}, json.loads(data)
-        if isinstance(told, list):  # nothing was mixed but what the level asked for
-            told = {"brushes": told, "mixed": [], "paths": {}}
-        self._brought = dict.fromkeys(told["mixed"]), told["paths"]
+        self.brushes, self.index, saved = [], {}, json.loads(data)
+        if isinstance(saved, list):  # nothing was mixed but what the level asked for
+            saved = {"brushes": saved, "mixed": [], "paths": {}}
+        self._brought = dict.fromkeys(saved["mixed"]), saved["paths"]
         self._know()
-        for name, source in told["brushes"]:
+        for name, source in saved["brushes"]:
             same = name in before and before[name].source.decode() == source
             self._put(before[name] if same else load_brush(source.encode(), f"{name}.brush.toml"))
         self._tabulate()
@@ -203,7 +203,6 @@ class Palette:
         self.guided = column(lambda b: GUIDED.index(getattr(b.params, "guided", "front"))).astype(np.int64)
         self.guided_share = column(lambda b: getattr(b.params, "guided_share", 0.0))
         self.neighbour_range = column(lambda b: getattr(b.params, "neighbour_range", np.inf))  # body lengths
-        self.hidden_points = any(model.hidden_points for model in self.models)
         self.danger = column(lambda b: models[b.model].danger).astype(np.uint8)
         self.formation = column(lambda b: models[b.model].formation).astype(bool)
         flights = [
@@ -217,10 +216,10 @@ class Palette:
         self.drives = [drives_of(b, models[b.model]) for b in self.brushes]  # in order of priority
         self.drives_asked = column(lambda b: any(params.strength > 0.0 for params in b.drives.values())).astype(bool)
         self.drives_needed = np.array([bool(model.needs) for model in self.models], bool)
-        asked = {verb for row in self.drives for one, _ in row for verb in one.notices}
-        self.hunting = "hunt" in asked
+        verbs = {verb for row in self.drives for one, _ in row for verb in one.notices}
+        self.hunting = "hunt" in verbs
         self.hunting |= any("hunt" in model.has for model in self.models)  # whose catch may be fatal
-        self.following = "follow" in asked
+        self.following = "follow" in verbs
         self.exact = np.array([flight.exact for flight in flights], bool)  # the model says the velocity
         self.flies_free = self.flies & ~self.grounded  # through the air, and not held to the ground
         self.least_speed = self.flight[:, 0] if len(flights) else np.zeros(0)  # body lengths / s

@@ -73,11 +73,11 @@ def give_birth(world, spawn, count, stream="birth"):
         xy, forward, length, radius, axis, pace, boldness = (column[order] for column in each)
     land.see_to(float(length.max(initial=0.0) * palette.view_range.max()))
     chance = noise.normal(stream + " speed", clock.tick, number)[:, 0]
-    drawn = _speeds(asset, pace, chance) * length if spawn.speed is None else np.full(count, float(spawn.speed))
+    speeds = _speeds(asset, pace, chance) * length if spawn.speed is None else np.full(count, float(spawn.speed))
     xyz = np.column_stack([xy, _heights(land, xy) + spawn.altitude])
     if spawn.depth > 0.0:
         xyz[:, 2] += spawn.depth * noise.uniform(stream + " height", clock.tick, number)[:, 0]
-    if palette.flies[index]:
+    if palette.flies_free[index]:
         _clear_of_solids(xyz, float(radius.max(initial=0.0)), land.sky)
     low = spawn.altitude == 0.0 == spawn.depth
     stands = palette.flies_free[index] and known is not None and known.fly.slowest > 0.0 and low
@@ -86,7 +86,7 @@ def give_birth(world, spawn, count, stream="birth"):
         count,
         {
             Position.xyz: xyz,
-            Velocity.xyz: np.zeros((count, 3)) if stands else forward * drawn[:, None],
+            Velocity.xyz: np.zeros((count, 3)) if stands else forward * speeds[:, None],
             Heading.forward: forward,
             Body.length: length,
             Body.radius: radius,
@@ -98,8 +98,8 @@ def give_birth(world, spawn, count, stream="birth"):
             Vision.range: asset.vision.range * length,
             Vision.field_of_view: np.radians(asset.vision.field_of_view),
             **dict.fromkeys((BrushBinding.brush, BrushBinding.previous, BrushBinding.home), index),
-            Speed.drawn: drawn,
-            Speed.target: drawn,
+            Speed.drawn: speeds,
+            Speed.target: speeds,
             Destination.goal: 0 if land.goals else -1,
         },
     )
@@ -140,9 +140,9 @@ def _individuals(species, noise, stream, tick, number):
     """
     if species is None:
         return (np.ones(len(number)),) * 3
-    told = species.spread
+    spread = species.spread
     chance = np.clip(noise.normal(stream + " individual", tick, number, 3), -CUT, CUT)
-    size, pace, boldness = 1.0 + chance.T * np.array([[told.size], [told.speed], [told.boldness]])
+    size, pace, boldness = 1.0 + chance.T * np.array([[spread.size], [spread.speed], [spread.boldness]])
     return size, pace / size, boldness
 
 

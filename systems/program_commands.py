@@ -81,9 +81,9 @@ class TakeBackEvent:
         return [TouchedEvents()]
 
     def apply(self, world):
-        mine = Event(self.name, self.x, self.y, self.radius).happening()
+        happening = Event(self.name, self.x, self.y, self.radius).happening()
         programs = world.resource(Programs)
-        programs.events = [event for event in programs.events if event != mine]
+        programs.events = [event for event in programs.events if event != happening]
 
 
 def heard(world):
@@ -164,11 +164,11 @@ class TouchedProgram(NamedTuple):
 
     def back(self, world, taken):
         programs = world.resource(Programs)
-        there = self.name in programs.names
+        known = self.name in programs.names
         if taken is None:
-            return [ForgetProgram(self.name)] if there else []
+            return [ForgetProgram(self.name)] if known else []
         program, counts, states, before = taken
-        if there and programs.programs[programs.named(self.name)] is program:
+        if known and programs.programs[programs.named(self.name)] is program:
             return []
         return [UseProgram(self.name, program.source.decode(), counts), *states.back(world, before)]
 

@@ -14,25 +14,25 @@ from flockbrush.systems.programs import Programs
 def counts(world):
     """{program: {state: how many animals}}."""
     programs, agents = world.resource(Programs), world.agents
-    found = {}
+    counted = {}
     for number, compiled in enumerate(programs.compiled):
-        here = agents[ProgramState.state][agents[ProgramState.program] == number]
-        tally = np.bincount(here, minlength=len(compiled.names))
-        found[compiled.program.name] = dict(zip(compiled.names, tally.tolist(), strict=True))
-    return found
+        states = agents[ProgramState.state][agents[ProgramState.program] == number]
+        tally = np.bincount(states, minlength=len(compiled.names))
+        counted[compiled.program.name] = dict(zip(compiled.names, tally.tolist(), strict=True))
+    return counted
 
 
 def transitions(world):
     """{program: {from: {to: how often}}}, without what never happened."""
-    programs, found = world.resource(Programs), {}
+    programs, counted = world.resource(Programs), {}
     for compiled in programs.compiled:
         matrix = programs.transitions[compiled.program.name]
         rows = {
             name: {compiled.names[j]: int(n) for j, n in enumerate(matrix[i]) if n}
             for i, name in enumerate(compiled.names)
         }
-        found[compiled.program.name] = {name: row for name, row in rows.items() if row}
-    return found
+        counted[compiled.program.name] = {name: row for name, row in rows.items() if row}
+    return counted
 
 
 def reason(world, row):
@@ -95,5 +95,5 @@ def state_colours(world):
     """{state by its name in `state_names`: its colour, #rrggbb}: as its file says, or one of a series."""
     names = state_names(world)
     states = [state for one in world.resource(Programs).compiled for state in one.states]
-    told = zip(names[1:], states, strict=True)
-    return {name: state.colour or OTHERWISE[k % len(OTHERWISE)] for k, (name, state) in enumerate(told)}
+    named_states = zip(names[1:], states, strict=True)
+    return {name: state.colour or OTHERWISE[k % len(OTHERWISE)] for k, (name, state) in enumerate(named_states)}

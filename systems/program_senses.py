@@ -44,7 +44,7 @@ class WorldSenses:
         self.since, self.state = agents[ProgramState.since].copy(), agents[ProgramState.state].copy()
         self.wrap = self._land.wrap or (0.0, 0.0)
         lists = (world.resource(Sight).lists, world.resource(SightInSpace).lists)
-        self.seen = tuple(SeenNeighbours(*found) for found in lists if found is not None and len(found.near))
+        self.seen = tuple(SeenNeighbours(*seen) for seen in lists if seen is not None and len(seen.near))
         self.events = events
         self.births, self.deaths = _changes(agents, programs.known, self._species_names)
 
@@ -100,11 +100,11 @@ class WorldSenses:
     def _flags(self, names):
         if ANYONE in names:
             return np.ones(len(self.ids), np.uint8)
-        wanted = [k for k, name in enumerate(self._species_names) if name in names]
-        found = np.zeros(len(self.ids), np.uint8)
-        for k in wanted:
-            found |= self.species == k
-        return found
+        indices = [k for k, name in enumerate(self._species_names) if name in names]
+        flags = np.zeros(len(self.ids), np.uint8)
+        for k in indices:
+            flags |= self.species == k
+        return flags
 
     def is_kin(self, name):
         """(n,) bool, whose own kind a species is."""
@@ -119,11 +119,11 @@ class WorldSenses:
     def _in_state(self, name):
         program, _, state = name.rpartition("/")
         number = self._agents[ProgramState.program]
-        found = np.zeros(len(self.ids), np.uint8)
+        in_state = np.zeros(len(self.ids), np.uint8)
         for k, compiled in enumerate(self._programs.compiled):
             if state in compiled.number and (not program or program == compiled.program.name):
-                found |= (number == k) & (self.state == compiled.number[state])
-        return found
+                in_state |= (number == k) & (self.state == compiled.number[state])
+        return in_state
 
     # where
 
@@ -136,12 +136,12 @@ class WorldSenses:
         return self._once(("goal", goal), lambda: self._at_goal(goal))
 
     def _at_goal(self, name):
-        found = np.zeros(len(self.ids), bool)
+        arrived = np.zeros(len(self.ids), bool)
         bound = self._agents[Destination.goal]
         for k, goal in enumerate(self._land.goals):
             if goal.name == name or not name:
-                found |= in_goal(goal, self.xyz) & ((bound == k) | bool(name))
-        return found
+                arrived |= in_goal(goal, self.xyz) & ((bound == k) | bool(name))
+        return arrived
 
     def away(self, place):
         """(n,) m in plan to the middle of a goal or region; infinite where the level has none."""

@@ -130,29 +130,29 @@ class Programs:
     def state(self):
         """Everything in it that changes while the world runs, and the programs, which commands may change."""
         known = None if self.known is None else [_packed(column) for column in self.known]
-        told = {
+        saved = {
             "programs": [[p.name, p.source.decode()] for p in self.programs],
             "events": [[e.name, list(e.xyz), None if math.isinf(e.reach) else e.reach, e.entity] for e in self.events],
             "transitions": {name: matrix.tolist() for name, matrix in self.transitions.items()},
             "known": known,
         }
-        return json.dumps(told).encode()
+        return json.dumps(saved).encode()
 
     def set_state(self, data):
         """Take back what `state` gave."""
-        told = json.loads(data)
+        saved = json.loads(data)
         before = {program.name: program for program in self.programs}
         self.programs, self.compiled, self.transitions = [], [], {}
-        for name, source in told["programs"]:
+        for name, source in saved["programs"]:
             same = name in before and before[name].source.decode() == source
             self.put(before[name] if same else load_program(source.encode(), f"{name}.program.toml"))
-        for name, matrix in told["transitions"].items():
+        for name, matrix in saved["transitions"].items():
             self.transitions[name] = np.array(matrix, np.int64).reshape(self.transitions[name].shape)
         self.events = [
             Happening(name, tuple(xyz), math.inf if reach is None else reach, entity)
-            for name, xyz, reach, entity in told["events"]
+            for name, xyz, reach, entity in saved["events"]
         ]
-        known = told["known"]
+        known = saved["known"]
         shapes = (np.int64, (-1,)), (np.float64, (-1, 3)), (np.int32, (-1,))
         self.known = known and tuple(
             np.frombuffer(base64.b64decode(text), kind).reshape(shape)
@@ -204,10 +204,10 @@ class RunPrograms(System):
         open_ = np.ones(len(rows), bool)
         to, cause = state.copy(), np.full(len(rows), BY_END, np.int32)
         for k, trigger in enumerate(compiled.program.triggers):
-            asked = compiled.sources[k][state] & open_ & ((pending < 0) | (pending > k))
-            if not asked.any():
+            candidates = compiled.sources[k][state] & open_ & ((pending < 0) | (pending > k))
+            if not candidates.any():
                 continue
-            held = np.flatnonzero(asked)[trigger.when.holds(senses, rows[asked])]
+            held = np.flatnonzero(candidates)[trigger.when.holds(senses, rows[candidates])]
             if trigger.delay is not None and trigger.delay.high > 0.0:
                 pending[held] = k
                 wait = senses.drawn(f"program {compiled.program.name} delay {k}", trigger.delay, rows[held])
@@ -381,6 +381,8 @@ def replace_program(world, program):
 
 def _keep_counts(programs, old, counted, compiled):
     """Transitions between states that are still there go on being counted."""
-    kept = [name for name in compiled.names if name in old.number]
-    here, there = [compiled.number[name] for name in kept], [old.number[name] for name in kept]
-    programs.transitions[compiled.program.name][np.ix_(here, here)] = counted[np.ix_(there, there)]
+    names = [name for name in compiled.names if name in old.number]
+    new_numbers, old_numbers = [compiled.number[name] for name in names], [old.number[name] for name in names]
+    programs.transitions[compiled.program.name][np.ix_(new_numbers, new_numbers)] = counted[
+        np.ix_(old_numbers, old_numbers)
+    ]

@@ -14,7 +14,6 @@ from flockbrush.engine.scratch import Scratch
 from flockbrush.systems.contact import _edge, _edges_near
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.grid import Cells, sort_into_cells
-from flockbrush.systems.hidden_points import visible_by_hpr
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.perception import chooses, chosen_by_slot, each_its_own
@@ -69,17 +68,6 @@ class SightInSpace(_Seen):
     """Visible neighbours of those in the air, with offsets (m, 3); None when nobody is."""
 
     scratch: Scratch = field(default_factory=Scratch)
-
-
-@dataclass
-class SightByHiddenPoints:
-    """Who is visible by hidden-point removal; None while no model present asks for it."""
-
-    lists: Lists | None = None
-
-    def trace(self):
-        """Arrays by which replays are compared (`flockbrush.engine.trail`)."""
-        return self.lists or ()
 
 
 @dataclass
@@ -174,20 +162,6 @@ class SeeInSpace(System):
         found = visible_in_space(near.space, eyes, solids, self.width, sight.scratch)
         self.width = max(32, 16 + 3 * int(found.count.sum()) // max(2 * len(near.space.x), 1))
         sight.show(chosen_by_slot(world, found) if chooses(world) else found)
-
-
-class SeeByHiddenPoints(System):
-    """Hidden-point removal (Katz et al. 2007), for models that see by it."""
-
-    stage, reads, writes = Stage.SENSE, (Near, Vision, Palette), (SightByHiddenPoints,)
-
-    def process(self, world):
-        agents, sight = world.agents, world.resource(SightByHiddenPoints)
-        sight.lists = None
-        if world.resource(Palette).hidden_points:
-            cosine = np.empty(len(agents))
-            over_rows(_cosine_of_half, len(agents), agents[Vision.field_of_view], cosine)
-            sight.lists = visible_by_hpr(world.resource(Near).cells, agents[Vision.range], cosine)
 
 
 class SeeObstacles(System):

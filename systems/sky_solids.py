@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.engine.solids import convex_parts, cylinder, half_space, packed, polyhedron, prism, sphere
 
+ANY_HEIGHT = 1e5  # m
+
 
 def solids_in_the_air(land):
     """What keeps those in the air of a `Landscape` out, and what hides those behind it: two `Solids`."""
@@ -13,13 +15,41 @@ def solids_in_the_air(land):
     views = [solid for b, solid in things if b.blocks_view]
     if land.wrap is not None:
         bodies, views = _in_all_images(bodies, land.wrap), _in_all_images(views, land.wrap)
-    if land.boundary == "wall":
-        w, h = land.width, land.height
-        bodies += [
-            half_space((0, 0, 0), (1, 0, 0)), half_space((w, 0, 0), (-1, 0, 0)),
-            half_space((0, 0, 0), (0, 1, 0)), half_space((0, h, 0), (0, -1, 0)),
-        ]  # fmt: skip
-    return packed(bodies), packed(views)
+    return packed(bodies + _edge_of_the_map(land)), packed(views)
+
+
+def solids_on_the_ground(land):
+    """What keeps those out that a model of flight moves along the ground: whatever stops walkers, at any height."""
+    polygons = [part for b in land.barriers if b.solid for part in convex_parts(b.polygon)]
+    polygons += [land.cell * corners for corners in _rectangles(~land.walkable)]
+    bodies = [prism(polygon, -ANY_HEIGHT, ANY_HEIGHT) for polygon in polygons]
+    return packed((bodies if land.wrap is None else _in_all_images(bodies, land.wrap)) + _edge_of_the_map(land))
+
+
+def _rectangles(mask):
+    """(4, 2) corners, in cells, of rectangles that cover the True cells of a raster (ny, nx), each once."""
+    open_runs, done = {}, []
+    for row in range(len(mask) + 1):
+        line = np.zeros(mask.shape[1] + 2, np.int8)
+        if row < len(mask):
+            line[1:-1] = mask[row]
+        change = np.diff(line)
+        runs = set(zip(np.flatnonzero(change == 1).tolist(), np.flatnonzero(change == -1).tolist(), strict=True))
+        for run in sorted(open_runs.keys() - runs):
+            done.append((*run, open_runs.pop(run), row))
+        for run in runs - open_runs.keys():
+            open_runs[run] = row
+    return [np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], float) for x0, x1, y0, y1 in done]
+
+
+def _edge_of_the_map(land):
+    if land.boundary != "wall":
+        return []
+    w, h = land.width, land.height
+    return [
+        half_space((0, 0, 0), (1, 0, 0)), half_space((w, 0, 0), (-1, 0, 0)),
+        half_space((0, 0, 0), (0, 1, 0)), half_space((0, h, 0), (0, -1, 0)),
+    ]  # fmt: skip
 
 
 def _stood_up(barrier, land):

@@ -36,7 +36,7 @@ from flockbrush.systems.foresight import Ahead
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.noticing import Noticed
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.senses import Near, ObstaclesInSight, Sight, SightByHiddenPoints, SightInSpace
+from flockbrush.systems.senses import Near, ObstaclesInSight, Sight, SightInSpace
 from flockbrush.systems.space import birds_of
 from numba import njit
 
@@ -53,7 +53,7 @@ class AskModels(System):
     stage = Stage.STEER
     reads = (
         Position, Velocity, Heading, Body, Species, Role, BrushBinding, Speed, Ground, Memory, Airborne, Migration,
-        Destination, FormationPlace, Near, Sight, SightByHiddenPoints, SightInSpace, ObstaclesInSight, Ahead,
+        Destination, FormationPlace, Near, Sight, SightInSpace, ObstaclesInSight, Ahead,
         Landscape, Palette, Clock, Noise, Noticed, SpeciesList, Alarm,
     )  # fmt: skip
     writes = (Wish, Thrust, Urge)
@@ -204,7 +204,6 @@ def scene_of(world, lists=True):
         _nearest_image(agents[Memory.herd] - xyz[:, :2], world.resource(Landscape).wrap),
         agents[Memory.known],
         order,
-        world.resource(SightByHiddenPoints).lists,
         air,
         _formation_of(agents, palette),
         relations_of(world),

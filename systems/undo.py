@@ -59,9 +59,9 @@ def rows_of(world, entities):
     """(k,) rows of the given animals that are alive."""
     need_entities(entities)
     ids = world.agents.ids
-    wanted = np.sort(np.array(entities, np.int64))
-    rows = np.minimum(np.searchsorted(ids, wanted), max(len(ids) - 1, 0))
-    return rows[ids[rows] == wanted] if len(ids) else rows[:0]
+    ids_wanted = np.sort(np.array(entities, np.int64))
+    rows = np.minimum(np.searchsorted(ids, ids_wanted), max(len(ids) - 1, 0))
+    return rows[ids[rows] == ids_wanted] if len(ids) else rows[:0]
 
 
 class TouchedAnimals(NamedTuple):
@@ -291,9 +291,9 @@ class PutColumns(OfThese):
 
     def apply(self, world):
         rows = rows_of(world, self.entities)
-        given = {field: _unpacked(field, self.columns, len(rows)) for field in self.changes}
-        need_known_programs(world, given)
-        for field, values in given.items():
+        columns = {field: _unpacked(field, self.columns, len(rows)) for field in self.changes}
+        need_known_programs(world, columns)
+        for field, values in columns.items():
             world.agents[field][rows] = values
 
 

@@ -32,17 +32,19 @@ SMOKE = {  # pytest -m smoke: files, and how the names of the tests begin; "" me
 }
 
 
-@pytest.fixture
-def hasty_learning(monkeypatch):
+@pytest.fixture(scope="module")
+def hasty_learning():
     """`flockbrush learn` searches from four starts for a second, in one process, and tests the brush in one way."""
     from flockbrush.learning import learn, recipe
 
     workers, begins = recipe.Workers, recipe.begins
-    monkeypatch.setattr(recipe, "begins", lambda *how: begins(*how)[::5][:4])
-    monkeypatch.setattr(recipe, "Workers", lambda given, jobs, *rest: workers(given, 1, *rest))
-    monkeypatch.setattr(learn, "QUICK_BUDGET", 1.0)
-    monkeypatch.setattr(learn, "with_other_numbers", lambda *_: [])
-    monkeypatch.setattr(learn, "with_other_starts", lambda *_: [])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recipe, "begins", lambda *how: begins(*how)[::5][:4])
+        patch.setattr(recipe, "Workers", lambda given, jobs, *rest: workers(given, 1, *rest))
+        patch.setattr(learn, "QUICK_BUDGET", 1.0)
+        patch.setattr(learn, "with_other_numbers", lambda *_: [])
+        patch.setattr(learn, "with_other_starts", lambda *_: [])
+        yield
 
 
 def _is_smoke(item):

@@ -53,6 +53,11 @@ def test_a_herd_of_ours_is_what_the_simulation_says():
     assert np.hypot(*moved.mean((0, 1))) * 16 == pytest.approx(4.0, rel=0.2)  # march: 4 BL/s
 
 
+def test_a_herd_goes_another_way_from_a_frame_on():
+    one, other = foreign_herds.herd("swarm", 10, 1.0), foreign_herds.herd("swarm", 10, 1.0, other=(10, 3))
+    assert np.array_equal(one.xy[:11], other.xy[:11]) and not np.allclose(one.xy[12:], other.xy[12:])
+
+
 def test_the_same_seed_films_the_same():
     truth = foreign_herds.herd("swarm", 10, 0.2)
     again = foreign_herds.herd("swarm", 10, 0.2)

@@ -25,14 +25,14 @@ class Params(DriveParameters):
 @drive("keep_group", Params)
 def keep_group(scene, rows, p):
     """Towards the middle of those of its kind that it sees."""
-    bodies = scene.bodies
-    if bodies is None:
+    if scene.bodies is None:
         return None
-    air = air_of(scene)
-    rise = np.zeros((len(scene.near), 1))
-    on_ground = SeenNeighbours(scene.first, scene.near, np.hstack([scene.offset, rise]))
-    in_air = SeenNeighbours(air.first, air.near, air.offset)
-    x, y, z = _to_kin(rows, bodies.aloft, on_ground, in_air, scene.species, scene.memory, scene.known).T
+    return back_to(scene, rows, p, to_kin(scene, rows, scene.species, scene.known))
+
+
+def back_to(scene, rows, p, middle):
+    """`Urges` of those who are far from where they belong: ``middle`` (k, 3) m from each, 0 where that is not known."""
+    bodies, (x, y, z) = scene.bodies, middle.T
     far = np.sqrt(x * x + y * y + z * z)
     beyond = (far / scene.length[rows] - p.distance) / p.hurry
     strays = (beyond > 0.0) & (far > 0.0)
@@ -47,9 +47,20 @@ def keep_group(scene, rows, p):
     return Urges(towards(scene.velocity[rows], wanted, bodies.acceleration[rows]), p.strength * urgency)
 
 
+def to_kin(scene, rows, kind, known):
+    """(k, 3) m: from each to the middle of those of its ``kind`` (n,) that it sees, or to the place in memory.
+
+    ``known`` (n,) is 0 where there is no such place; then it is 0.
+    """
+    air = air_of(scene)
+    rise = np.zeros((len(scene.near), 1))
+    on_ground = SeenNeighbours(scene.first, scene.near, np.hstack([scene.offset, rise]))
+    in_air = SeenNeighbours(air.first, air.near, air.offset)
+    return _to_kin(rows, scene.bodies.aloft, on_ground, in_air, kind, scene.memory, known)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _to_kin(rows, aloft, on_ground, in_air, species, memory, known):
-    """(k, 3) m: from each to the middle of its kind that it sees, or to where it last saw others."""
     first, near, offset = on_ground
     air_first, air_near, air_offset = in_air
     out = np.zeros((len(rows), 3))

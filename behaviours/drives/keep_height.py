@@ -1,4 +1,4 @@
-"""Keep height: fly at a height above the ground, that of the species unless told.
+"""Keep height: fly at a height above the ground, that of the species by default.
 
 It acts in the air only and asks for at most half of what the body can do, so that a bird may still flee or turn; it
 climbs and sinks no faster than its species can.

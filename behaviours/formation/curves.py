@@ -43,7 +43,7 @@ def fit(model, x, y, tolerance=TOLERANCE, samples=None, seed=0, upside_down=Fals
     tolerance : float
         Wingspans.
     samples : int, optional
-        RANSAC with so many random samples; all samples unless told.
+        RANSAC with so many random samples; all samples by default.
     upside_down : bool
         Look for a V or a parabola that opens forward.
 

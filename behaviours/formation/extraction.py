@@ -78,15 +78,15 @@ def extract_frame(x, y, frame="0", birds=None, samples=None, seed=0) -> FrameSha
     x, y, known = x[order], y[order], tuple(names[k] for k in order)
     gaps = np.diff(x)
     spacing = (float(gaps.mean()), float(gaps.std())) if len(gaps) else (0.0, 0.0)
-    leader, found, why = _look(x, y, samples, seed)
+    leader, fitted, why = _look(x, y, samples, seed)
     x, y = x - x[leader], y - y[leader]
     curve, deviation, kind = None, (0.0, 0.0), "none"
     outliers: tuple[int, ...] = ()
-    if found is not None:
-        curve = found.curve
-        kind, why = _kind(curve.model, x[found.inlier])
-        outliers = tuple(np.flatnonzero(~found.inlier).tolist())
-        rest = (y - curve.y(x))[found.inlier]
+    if fitted is not None:
+        curve = fitted.curve
+        kind, why = _kind(curve.model, x[fitted.inlier])
+        outliers = tuple(np.flatnonzero(~fitted.inlier).tolist())
+        rest = (y - curve.y(x))[fitted.inlier]
         deviation = (float(rest.mean()), float(rest.std()))
     return FrameShape(
         str(frame), known, tuple(x.tolist()), tuple(y.tolist()), int(leader), kind, why, curve, outliers, spacing,
@@ -128,37 +128,37 @@ def led(x, y, samples=None, seed=0) -> Led | None:
     best = None
     front = np.argsort(-y, kind="stable")
     for rank, leader in enumerate(front[:CANDIDATES]):
-        seen = _cheapest(x - x[leader], y - y[leader], samples, seed)
-        if seen is None or abs(seen.curve.y(0.0)) > LED_BY or seen.inlier[front[:rank]].any():
+        curve = _cheapest(x - x[leader], y - y[leader], samples, seed)
+        if curve is None or abs(curve.curve.y(0.0)) > LED_BY or curve.inlier[front[:rank]].any():
             continue
-        cost = seen.cost + NOT_IN_FRONT * (rank > 0)
+        cost = curve.cost + NOT_IN_FRONT * (rank > 0)
         if best is None or cost < best.cost:
-            best = Led(leader, seen, cost)
+            best = Led(leader, curve, cost)
     return best
 
 
 def _cheapest(x, y, samples, seed):
     models = ("line", "v", "parabola") if len(x) > 4 else ("line",)
-    fits = [found for model in models if (found := fit(model, x, y, TOLERANCE, samples, seed)) is not None]
-    return min(fits, key=lambda found: found.cost) if fits else None
+    fits = [candidate for model in models if (candidate := fit(model, x, y, TOLERANCE, samples, seed)) is not None]
+    return min(fits, key=lambda candidate: candidate.cost) if fits else None
 
 
-def _refusal(x, y, seen, samples, seed):
+def _refusal(x, y, curve, samples, seed):
     """Why the cheapest curve is no formation; empty when it is one."""
-    n, out = len(x), int((~seen.inlier).sum())
-    along = seen.curve.y(x[seen.inlier])
-    width = float(np.ptp(x[seen.inlier]))
+    n, out = len(x), int((~curve.inlier).sum())
+    along = curve.curve.y(x[curve.inlier])
+    width = float(np.ptp(x[curve.inlier]))
     if width < CROWDED * (n - 1):
         return f"a cluster: the birds are {width / max(n - 1, 1):.2f} wingspans apart to the side"
     if np.ptp(along) < max(ABREAST * width, TOLERANCE) and out <= allowed(n):
         return "a row of birds abreast"
-    short, others = _sides(x[seen.inlier])
-    if seen.curve.model == "line" and short > max(1, SHORT_SIDE_OF_LINE * others):
+    short, others = _sides(x[curve.inlier])
+    if curve.curve.model == "line" and short > max(1, SHORT_SIDE_OF_LINE * others):
         return "a straight row, led from its middle"
     turned = (
         [fit(model, x, y, TOLERANCE, samples, seed, upside_down=True) for model in ("v", "parabola")] if n > 4 else []
     )
-    cheaper = [found for found in turned if found is not None and found.cost < seen.cost - 1.0]
+    cheaper = [candidate for candidate in turned if candidate is not None and candidate.cost < curve.cost - 1.0]
     if cheaper and (~cheaper[0].inlier).sum() <= allowed(n):
         return "it opens forward: an inverted V or U"
     if out > allowed(n):

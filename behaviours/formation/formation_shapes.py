@@ -102,10 +102,10 @@ class FrameShape:
     @property
     def roles(self) -> dict[str, str]:
         """Special roles by bird: leader, outlier, straggler (in line, but far from everybody)."""
-        found = {self.birds[k]: "straggler" for k in self.stragglers}
-        found |= {self.birds[k]: "outlier" for k in self.outliers}
-        found[self.birds[self.leader]] = "leader"
-        return found
+        roles = {self.birds[k]: "straggler" for k in self.stragglers}
+        roles |= {self.birds[k]: "outlier" for k in self.outliers}
+        roles[self.birds[self.leader]] = "leader"
+        return roles
 
     @property
     def stragglers(self) -> tuple[int, ...]:
@@ -188,8 +188,8 @@ def read_formation(document: Any, name: str) -> Formation:
         try:
             frames.append(_frame(frame))
         except (KeyError, TypeError, ValueError, IndexError) as error:
-            said = f"lacks {error}" if isinstance(error, KeyError) else str(error)
-            problems.append(Problem(name, None, f"frames[{k}]", said))
+            reason = f"lacks {error}" if isinstance(error, KeyError) else str(error)
+            problems.append(Problem(name, None, f"frames[{k}]", reason))
     provenance = document.get("provenance", {})
     if not isinstance(provenance, dict):
         problems.append(Problem(name, None, "provenance", "must be a table of names and values"))

@@ -137,13 +137,13 @@ def solve_levenberg_marquardt(x, wanted, start):
     Parameters, result and errors as of `solve_proximal`.
     """
     x, wanted, start = (np.ascontiguousarray(a, np.float64) for a in (x, wanted, start))
-    found = least_squares(
+    solution = least_squares(
         lambda y: power(x, y) - wanted, start, lambda y: power_and_jacobian(x, y)[1], method="lm",
         xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200,
     )  # fmt: skip
-    if not _largest(found.fun) <= 1e-8:
+    if not _largest(solution.fun) <= 1e-8:
         raise NoShape("Levenberg-Marquardt found no shape that saves these shares")
-    return found.x + (np.mean(start) - found.x.mean())
+    return solution.x + (np.mean(start) - solution.x.mean())
 
 
 def project(values, low, high, total=1.0):

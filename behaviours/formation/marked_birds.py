@@ -34,7 +34,7 @@ def read_marks(
         left alone, but a ``wingspan_px`` is used.
     heading : str, optional
         The way they fly across the picture: up, down, left, right, degrees counter-clockwise from the right, or
-        ``auto``: the one under which their shape is the plainest.  Unless told, auto for marks in pixels and up for
+        ``auto``: the one under which their shape is the plainest.  By default, auto for marks in pixels and up for
         marks in wingspans.
     wingspan : float, optional
         Pixels.
@@ -74,16 +74,16 @@ def read_marks(
     if pixels and wingspan is not None:
         grid[..., 1] *= -1.0  # pictures count downward
         grid /= wingspan
-    seen = heading == "auto" or (heading is None and pixels)
-    turn = guess_heading(grid[0], name) if seen else _heading(heading or "up", name)
+    estimated = heading == "auto" or (heading is None and pixels)
+    turn = guess_heading(grid[0], name) if estimated else _heading(heading or "up", name)
     c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
     x, y = grid[..., 0] * s - grid[..., 1] * c, grid[..., 0] * c + grid[..., 1] * s
-    said = {
+    used = {
         "heading_degrees": turn,
-        "heading_from": "the shape" if seen else "the call",
+        "heading_from": "the shape" if estimated else "the call",
         "wingspan_px": wingspan if pixels else None,
     }
-    return Marks(tuple(order), tuple(bird), x, y), said
+    return Marks(tuple(order), tuple(bird), x, y), used
 
 
 def _table(path, name):
@@ -98,24 +98,24 @@ def _table(path, name):
 def _columns(header, name):
     """Which column holds what."""
     lowered = [cell.lower() for cell in header]
-    found = {"pixels": True, "x": -1, "y": -1}
+    columns = {"pixels": True, "x": -1, "y": -1}
     for pair in (PIXELS[0], *WINGSPANS, PIXELS[1]):  # plain x, y last: beside x_b they are metres
         if pair[0] in lowered and pair[1] in lowered:
-            found.update(x=lowered.index(pair[0]), y=lowered.index(pair[1]), pixels=pair not in WINGSPANS)
+            columns.update(x=lowered.index(pair[0]), y=lowered.index(pair[1]), pixels=pair not in WINGSPANS)
             break
-    if found["x"] < 0:
+    if columns["x"] < 0:
         near = did_you_mean("x_px", header)
         raise ProblemsError([Problem(name, 1, None, f"needs columns x_px and y_px, or x_b and y_b{near}")])
     for key, names in (("frame", FRAME), ("bird", BIRD), ("span", ("wingspan_px",))):
-        found[key] = next((lowered.index(n) for n in names if n in lowered), -1)
-    return found
+        columns[key] = next((lowered.index(n) for n in names if n in lowered), -1)
+    return columns
 
 
 def _numbers(rows, at, name, header):
     """(frames, birds, points, wingspans) of all rows."""
     problems: list[Problem] = []
     frames, birds, points, spans = [], [], [], []
-    seen: dict[tuple[str, str], int] = {}
+    first_line: dict[tuple[str, str], int] = {}
     for line, row in rows:
         if len(row) < len(header):
             problems.append(Problem(name, line, None, f"has {len(row)} cells, the header has {len(header)}"))
@@ -131,10 +131,10 @@ def _numbers(rows, at, name, header):
         bird = row[at["bird"]].strip() if at["bird"] >= 0 else str(len(birds))
         if not bird:
             problems.append(Problem(name, line, header[at["bird"]], "has no name"))
-        if (frame, bird) in seen:
-            message = f"bird {bird!r} of frame {frame!r} is already in row {seen[frame, bird]}"
+        if (frame, bird) in first_line:
+            message = f"bird {bird!r} of frame {frame!r} is already in row {first_line[frame, bird]}"
             problems.append(Problem(name, line, header[at["bird"]], message))
-        seen[frame, bird] = line
+        first_line[frame, bird] = line
         frames.append(frame)
         birds.append(bird)
         points.append(point)
@@ -166,21 +166,20 @@ def _gaps(frames, birds, rows, name):
     known = set(of[first])
     most = limits.FORMATION_BIRDS
     problems = [
-        Problem(name, last[frame], "bird", f"frame {frame!r} has {len(here):,} birds; there can be {most:,}")
-        for frame, here in of.items()
-        if len(here) > most
+        Problem(name, last[frame], "bird", f"frame {frame!r} has {len(birds_here):,} birds; there can be {most:,}")
+        for frame, birds_here in of.items()
+        if len(birds_here) > most
     ]
-    for frame, here in of.items():
+    for frame, birds_here in of.items():
         if len(problems) >= SHOWN:
             break
-        missing, more = sorted(known - set(here)), sorted(set(here) - known)
+        missing, more = sorted(known - set(birds_here)), sorted(set(birds_here) - known)
         if missing or more:
-            said = [f"lacks {', '.join(missing[:5])}"] * bool(missing) + [f"has also {', '.join(more[:5])}"] * bool(
+            parts = [f"lacks {', '.join(missing[:5])}"] * bool(missing) + [f"has also {', '.join(more[:5])}"] * bool(
                 more
             )
-            message = (
-                f"frame {frame!r} has {len(here)} birds, frame {first!r} has {len(of[first])}: it {' and '.join(said)}"
-            )
+            first_has = f"frame {first!r} has {len(of[first])}"
+            message = f"frame {frame!r} has {len(birds_here)} birds, {first_has}: it {' and '.join(parts)}"
             problems.append(Problem(name, last[frame], "bird", message))
     return problems
 
@@ -220,7 +219,7 @@ def guess_heading(points, name="marks"):
 
 def _ways(points, turns):
     """(cost, degrees) of each way whose cheapest curve opens backward."""
-    found = []
+    candidates = []
     for turn in turns:
         c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
         x, y = points[:, 0] * s - points[:, 1] * c, points[:, 0] * c + points[:, 1] * s
@@ -234,5 +233,5 @@ def _ways(points, turns):
             continue
         tilt = np.arctan(numbers)
         unequal = abs(tilt[0] - tilt[1]) if best.seen.curve.model == "v" else abs(tilt[0])
-        found.append((best.cost + UNEQUAL * unequal, float(turn)))
-    return found
+        candidates.append((best.cost + UNEQUAL * unequal, float(turn)))
+    return candidates

@@ -44,16 +44,16 @@ def arrangements(frames: list[FrameShape], match: np.ndarray, swap: bool, left: 
     -----
     A frame in which another bird leads says nothing of sides: it takes the arrangement of the frame before.
     """
-    first, found = frames[0], [Arrangement(left, np.arange(len(match)))]
+    first, arrangements = frames[0], [Arrangement(left, np.arange(len(match)))]
     leader = first.birds[first.leader]
     for frame in frames[1:]:
         if frame.birds == first.birds:
-            found.append(found[0])
+            arrangements.append(arrangements[0])
         elif frame.birds[frame.leader] != leader:
-            found.append(found[-1])
+            arrangements.append(arrangements[-1])
         else:
-            found.append(_arranged(first, frame, match, swap, left))
-    return found
+            arrangements.append(_arranged(first, frame, match, swap, left))
+    return arrangements
 
 
 def _arranged(first, frame, match, swap, left):

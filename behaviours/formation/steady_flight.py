@@ -94,8 +94,8 @@ def _along(arm, count, outliers):
         return []
     if count < len(arm):  # first the ends, then who is special, then the rest from the leader outwards
         rank = sorted(range(len(arm)), key=lambda k: (k not in (0, len(arm) - 1), arm[k] not in outliers, k))
-        kept = sorted(rank[:count])
-        return list(enumerate(arm[k] for k in kept))
+        sample = sorted(rank[:count])
+        return list(enumerate(arm[k] for k in sample))
     places = np.round(np.linspace(0, count - 1, len(arm))).astype(int)
     return list(zip(places.tolist(), arm, strict=True))
 
@@ -112,7 +112,7 @@ class SteadyFlight:
     seed : int
         Same seed, same flight.
     left : int, optional
-        How many fly to the left of the leader; as in the example unless told.
+        How many fly to the left of the leader; as in the example by default.
     exchange : bool
         Left and right of the example exchanged, before anything else.
 
@@ -125,8 +125,8 @@ class SteadyFlight:
     def __init__(self, formation: Formation, birds: int, seed=0, left=None, drawing=None, exchange=False):
         frames = formation.usable
         if not frames:
-            said = formation.frames[0].why if formation.frames else "it has no frames"
-            raise _wrong(formation, f"has no frame with a line formation ({said})")
+            reason = formation.frames[0].why if formation.frames else "it has no frames"
+            raise _wrong(formation, f"has no frame with a line formation ({reason})")
         if birds < 2:
             raise _wrong(formation, f"a formation needs at least two birds, got {birds}")
         self.formation, first = formation, frames[0]

@@ -45,7 +45,7 @@ from flockbrush.behaviours.boid_urges import (
     to_target,
     turned,
 )
-from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.sliders import DesignerSlider, moves, pace
 from flockbrush.engine.lane_maths import lane_function
 from flockbrush.engine.lanes import EIGHT, fused, load8, load_rows, pointer, root, splat8, store, total, totals, where
 from flockbrush.engine.maths import exp_, log_
@@ -134,13 +134,14 @@ class Params(Parameters):
         "order": DesignerSlider(
             "Random headings to common heading",
             (moves("matching_strength", 0.0, 1.0), moves("matching_time", 1.5, 0.05, True)),
+            unproved="alignment",
         ),
         "personal space": DesignerSlider("Wing to wing to wide spacing", (moves("separation", 0.5, 30.0, True),)),
         "nerve": DesignerSlider(
             "Bold to fearful",
             (moves("flight_distance", 5.0, 500.0, True), moves("panic_pace", 1.0, 4.0, True)),
         ),
-        **SLIDERS,
+        "pace": pace(1.0, 60.0),
     }
 
 

@@ -165,8 +165,8 @@ def flee(scene, rows, p):
     wishes, kinds = herd.steer(scene, rows, p), kinds_in(scene)
     fright = Fright(p.flight_distance, scene.dt * p.sensitivity * p.fear_weight, p.panic_pace, p.contagion)
     seen = ByRow(scene.first, scene.near, scene.offset)
-    wished = wishes.direction, wishes.pace
-    over_rows(_flee, len(rows), rows, _movers(scene, kinds), kinds.fears, seen, fright, *wished)
+    wish = wishes.direction, wishes.pace
+    over_rows(_flee, len(rows), rows, _movers(scene, kinds), kinds.fears, seen, fright, *wish)
     return wishes
 
 
@@ -177,8 +177,8 @@ def hunt(scene, rows, p):
     turn = scene.dt * p.sensitivity * p.chase_weight
     chase = Chase(p.chase_distance, p.charge_distance, turn, p.chase_pace, p.charge_pace, p.crowd_penalty)
     seen = ByRow(scene.first, scene.near, scene.offset)
-    wished = wishes.direction, wishes.pace
-    over_rows(_hunt, len(rows), rows, _movers(scene, kinds), kinds.prey, seen, chase, *wished)
+    wish = wishes.direction, wishes.pace
+    over_rows(_hunt, len(rows), rows, _movers(scene, kinds), kinds.prey, seen, chase, *wish)
     return wishes
 
 

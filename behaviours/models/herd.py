@@ -11,6 +11,10 @@ self-propelled animals since Vicsek et al. 1995 [2]_; the paper has no such
 term, and none is the default.  Without it herds that press together at the
 start can lock for ever, and mills of few animals give way to marches.
 
+Animals may also prefer a side (``turn_bias``): a constant part of the force of
+eq. 3, at right angles to the heading.  The paper has none; driven reindeer turn
+to the left [3]_.  With it a small mill does not become a march.
+
 Lengths are in body lengths of the animal itself, so one brush moves mice and
 cattle.  Eq. 2 is read with the unit heading, ``N(v + Δt F)`` with ``|v| = 1``:
 with the velocity's magnitude a fast herd would turn less for the same force
@@ -21,6 +25,7 @@ ignored.
    microscopic herd model from macroscopic motion data. Computer Graphics Forum 44(6), e70225.
 .. [2] Vicsek, T., Czirók, A., Ben-Jacob, E., Cohen, I. & Shochet, O. (1995). Novel type of phase transition in a
    system of self-driven particles. Physical Review Letters 75(6), 1226-1229.
+.. [3] Espmark, Y. & Kinderås, K. (2002). Behavioural lateralisation in reindeer. Rangifer 22(1), 51-58.
 """
 
 from __future__ import annotations
@@ -111,6 +116,9 @@ class Params(Parameters):
         200,
     )
     slope_aversion: float = quantity(2.0, "1/s", "larger: animals turn downhill faster on steep ground", 0, 100)
+    turn_bias: float = quantity(
+        0.0, "rad/s", "steady turning to the left; negative: to the right (0 in the paper); steadies mills", -10, 10
+    )
     wander: float = quantity(
         0.0,
         "rad/√s",
@@ -128,6 +136,7 @@ class Params(Parameters):
         "order": DesignerSlider(
             "Random headings to common heading",
             (moves("alignment_weight", 0.0, 1.0), moves("alignment_radial", 0.5, 1.0)),
+            unproved="alignment",
         ),
         "personal space": DesignerSlider(
             "Close contact to wide spacing",
@@ -167,6 +176,8 @@ def explain(scene, row, p):
         "obstacles": -turn * p.obstacle_weight * pull("obstacle", walls, walls),
         "slope": -scene.dt * p.slope_aversion * scene.slope[i],
     }
+    if p.turn_bias:
+        forces["turn bias"] = scene.dt * p.turn_bias * np.array([-forward[1], forward[0]])
     reasons = {"heading": forward.copy()} | forces
     if scene.leader[i]:
         reasons = _leading(scene, i, p, reasons)
@@ -246,6 +257,7 @@ class Forces(NamedTuple):
     angular: Any  # (4,) likewise in bearing
     turn: float  # sensitivity, 1/s; in kernels that of a tick
     downhill: float  # slope aversion, likewise
+    aside: float  # turn bias, likewise
     neighbour_range: float
     leader_blend: float
     unled_returns: bool
@@ -274,8 +286,8 @@ def forces_of(p):
     radial = np.array([4.0 * getattr(p, f"{name}_radial") for name in names])
     angular = np.array([np.pi * getattr(p, f"{name}_angular") for name in names])
     return Forces(
-        weight, 0.5 / radial**2, 0.5 / angular**2, p.sensitivity, p.slope_aversion, p.neighbour_range,
-        p.leader_blend, p.unled == "return",
+        weight, 0.5 / radial**2, 0.5 / angular**2, p.sensitivity, p.slope_aversion, p.turn_bias,
+        p.neighbour_range, p.leader_blend, p.unled == "return",
     )  # fmt: skip
 
 
@@ -321,7 +333,7 @@ def _pointers(dt, herd, land, forces):
     f = forces
     return herd, land, Forces(
         pointer(f.weight), pointer(f.radial), pointer(f.angular), dt * f.turn, dt * f.downhill,
-        f.neighbour_range, f.leader_blend, f.unled_returns,
+        dt * f.aside, f.neighbour_range, f.leader_blend, f.unled_returns,
     )  # fmt: skip
 
 
@@ -374,14 +386,14 @@ def _heading(i, n, wall, last_wall, herd, land, forces, column, step):
     """The next heading of an animal who heeds n others and these obstacles (eqs. 2 and 3)."""
     forward, length, _, leader, memory, known = herd
     _, walls, guidance, slope = land
-    weight, radial, angular, turn, downhill, _, leader_blend, unled_returns = forces
+    weight, radial, angular, turn, downhill, aside, _, leader_blend, unled_returns = forces
     fx, fy, per_length = forward[3 * i], forward[3 * i + 1], 1.0 / length[i]
     sx, sy = _social_forces(n, fx, fy, weight, radial, angular, column, step)
     if last_wall > wall:
         ox, oy = _drawn_to_walls(wall, last_wall, per_length, fx, fy, radial[3], angular[3], walls, column, step)
         sx, sy = sx - weight[3] * ox, sy - weight[3] * oy
-    hx = fx + turn * sx - downhill * slope[2 * i]
-    hy = fy + turn * sy - downhill * slope[2 * i + 1]
+    hx = fx + turn * sx - downhill * slope[2 * i] - aside * fy
+    hy = fy + turn * sy - downhill * slope[2 * i + 1] + aside * fx
     if leader[i]:
         gx, gy = guidance[2 * i], guidance[2 * i + 1]
         g = math.sqrt(gx * gx + gy * gy)

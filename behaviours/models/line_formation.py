@@ -25,7 +25,7 @@ from flockbrush.behaviours.behaviour import Flight, Parameters, Wishes, air_of, 
 from flockbrush.behaviours.formation.formation_shapes import Curve, Formation, FrameShape
 from flockbrush.behaviours.formation.reaching import FormingRules, limited_speed_, limited_turn_, reach_, wrap_
 from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
-from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.sliders import DesignerSlider, moves, pace
 from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
@@ -86,7 +86,7 @@ class Params(Parameters):
 
     sliders: ClassVar = {
         "tightness": DesignerSlider("Wide to narrow lateral spacing", (moves("spacing", 3.0, 0.95, True),)),
-        "order": DesignerSlider("Irregular to exact formation", (moves("deviation", 1.0, 0.0),)),
+        "regularity": DesignerSlider("Irregular to exact formation", (moves("deviation", 1.0, 0.0),)),
         "sweep": DesignerSlider(
             "Flat to deep formation", (moves("slope", 0.2, 3.0, True), moves("curvature", 0.01, 0.3, True))
         ),
@@ -94,8 +94,7 @@ class Params(Parameters):
             "Slow to quick changes of place",
             (moves("drift", 0.05, 2.0, True), moves("gain", 0.01, 0.2, True), moves("turning", 0.05, 0.8, True)),
         ),
-        "wander": DesignerSlider("Constant to changing lateral places", (moves("lateral", 0.0, 1.0),)),
-        **SLIDERS,
+        "pace": pace(1.0, 60.0),
     }
 
 

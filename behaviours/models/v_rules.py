@@ -19,7 +19,7 @@ from typing import ClassVar
 
 import numpy as np
 from flockbrush.behaviours.behaviour import Flight, Wishes, air_of, behaviour, quantity
-from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.sliders import DesignerSlider, moves, pace
 from flockbrush.behaviours.v_rules.flights import STREAM, InFrame, shift
 from flockbrush.behaviours.v_rules.rules import VRuleSettings, kernel, law_of, sort_by
 from flockbrush.engine.arrays import write_
@@ -40,7 +40,7 @@ class Params(VRuleSettings):
 
     sliders: ClassVar = {
         "tightness": DesignerSlider("Wings apart to wings overlapping", (moves("lateral_room", 1.0, -0.3),)),
-        "order": DesignerSlider("Several lines to one V", (moves("angle", 40.0, 180.0),)),
+        "regularity": DesignerSlider("Several lines to one V", (moves("angle", 40.0, 180.0),)),
         "personal space": DesignerSlider(
             "Close behind one another to wide spacing", (moves("margin", 0.05, 2.0, True),)
         ),
@@ -49,7 +49,7 @@ class Params(VRuleSettings):
             (moves("lateral_step", 0.01, 0.4, True), moves("forward_step", 0.01, 0.4, True)),
         ),
         "wander": DesignerSlider("Still to turbulent air", (moves("perturbation", 0.0, 0.5),)),
-        **SLIDERS,
+        "pace": pace(1.0, 60.0),
     }
 
 

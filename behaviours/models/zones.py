@@ -62,7 +62,9 @@ class Params(Parameters):
         "tightness": DesignerSlider(
             "Attracted by near to attracted by distant animals", (moves("attraction", 1.0, 30.0, True),)
         ),
-        "order": DesignerSlider("Random headings to common heading", (moves("orientation", 0.1, 20.0, True),)),
+        "order": DesignerSlider(
+            "Random headings to common heading", (moves("orientation", 0.1, 20.0, True),), unproved="alignment"
+        ),
         "personal space": DesignerSlider("Close contact to wide spacing", (moves("repulsion", 0.3, 6.0, True),)),
         "nerve": DesignerSlider("Slow to quick turns", (moves("max_turn", 0.1, 10.0, True),)),
         "wander": DesignerSlider("Straight paths to random turns", (moves("wander", 0.0, 2.0),)),

@@ -23,9 +23,9 @@ class ShareOfSeenIn(Condition):
             flags |= senses.in_state(state)
         if not flags.any():  # then at least a share above 0 of nobody
             return np.zeros(len(rows), bool)
-        seen = count_seen(senses, rows, self.species, self.within)
+        visible = count_seen(senses, rows, self.species, self.within)
         some = count_seen(senses, rows, self.species, self.within, flags)
-        return (seen >= self.of) & (some >= self.at_least * seen)
+        return (visible >= self.of) & (some >= self.at_least * visible)
 
     def references(self):
         yield from (Reference("state", name) for name in self.share_of_seen_in)

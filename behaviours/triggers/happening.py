@@ -83,5 +83,5 @@ class BirthOf(Condition):
 def concerns(names, species, senses, rows):
     """(k,) bool: whether an animal of this species is one of the names, for each animal."""
     same = senses.is_kin(species)[rows]
-    named = ANYONE in names or species in names
-    return np.full(len(rows), named) | (same & (KIN in names)) | (~same & (OTHERS in names))
+    is_named = ANYONE in names or species in names
+    return np.full(len(rows), is_named) | (same & (KIN in names)) | (~same & (OTHERS in names))

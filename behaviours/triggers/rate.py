@@ -63,11 +63,11 @@ class RandomRate(Condition):
 def neighbourhood(senses, rows, names, within, nearest, flags):
     """(k,) flagged ones among the nearest visible neighbours, and (k,) m, their mean distance; 0 for nobody."""
     reach = np.full(len(senses.ids), np.inf) if within is None else within.of(senses.length) + 0.0 * senses.length
-    wanted = senses.flags(names)
+    flagged = senses.flags(names)
     counts, distance = np.zeros(len(rows), np.int64), np.zeros(len(rows))
-    most, asked = nearest or 1_000_000, Asked(wanted, senses.kin, KIN in names, OTHERS in names)
+    most, query = nearest or 1_000_000, Asked(flagged, senses.kin, KIN in names, OTHERS in names)
     for lists in senses.seen:
-        over_rows(_neighbourhood, len(rows), rows, lists, asked, flags, reach, most, counts, distance)
+        over_rows(_neighbourhood, len(rows), rows, lists, query, flags, reach, most, counts, distance)
     return counts, distance
 
 

@@ -92,7 +92,7 @@ def fly(xyz, seeds, rules: VRuleSettings = VRuleSettings(), steps=2000, every=0,
     every : int
         Keep positions every so many steps, from the start on; 0 keeps none.
     ids : (birds,) array_like of int, optional
-        Who the birds are, for their chance; 1, 2, ... unless told, which are the entities of a new world.
+        Who the birds are, for their chance; 1, 2, ... by default, which are the entities of a new world.
     frame : {"flock", "world"}
         Whether positions are told from a bird's eye that flies along, or from the ground.
     """

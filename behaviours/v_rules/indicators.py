@@ -70,12 +70,12 @@ def _measure(lo, hi, law, margin, xyz, counts, distances):
     for flock in range(lo, hi):
         birds = xyz[flock]
         _link(law, birds, follows)
-        found = _lines(follows, degree, lines)
+        line_count = _lines(follows, degree, lines)
         counts[flock, 0] = np.sum(degree[0] == 0)
         counts[flock, 1] = _groups(follows, group)
-        counts[flock, 2] = found
+        counts[flock, 2] = line_count
         for own in range(2):
-            distances[flock, own] = _mean_distance(birds, degree, lines[:found], group, own == 1)
+            distances[flock, own] = _mean_distance(birds, degree, lines[:line_count], group, own == 1)
         counts[flock, 3] = GROUPS if counts[flock, 1] > 1 else _shape(law, margin, birds, by_x)
 
 

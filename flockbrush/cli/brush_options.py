@@ -95,12 +95,25 @@ def brush_morph(
         ),
     ] = None,
     animals: Annotated[
-        int, typer.Option(min=3, max=100_000, metavar="N", help="Number of animals in each herd.")
-    ] = 100,
+        list[int] | None,
+        typer.Option(
+            min=3,
+            max=100_000,
+            metavar="N",
+            help="Number of animals in each herd; default: 100. Repeat it for several sizes: steps are placed where "
+            "any of them changes.",
+        ),
+    ] = None,
     seeds: Annotated[
-        int, typer.Option(min=2, max=1000, metavar="N", help="Number of herds measured at each step.")
+        int,
+        typer.Option(
+            min=2, max=1000, metavar="N", help="Number of herds measured at each step; of larger herds fewer."
+        ),
     ] = 3,
-    steps: Annotated[int, typer.Option(min=2, max=64, metavar="N", help="Number of steps of the path.")] = 8,
+    steps: Annotated[
+        int | None,
+        typer.Option(min=2, max=64, metavar="N", help="Number of steps of the path; default: those that paint takes."),
+    ] = None,
     seconds: Annotated[
         float, typer.Option(min=1, max=3600, metavar="S", help="Duration of each herd, simulated seconds.")
     ] = 20.0,
@@ -110,6 +123,13 @@ def brush_morph(
             min=0, max=10, metavar="W", help="Random turning added along the path, rad/√s; zero at both ends."
         ),
     ] = 0.0,
+    first: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Parameters whose names begin so change in the first half of the path, all others in the second.",
+        ),
+    ] = None,
     begin: Annotated[
         FirstHeadings,
         typer.Option(help="Start of the herds: random headings, a common heading, or a turning disc."),
@@ -117,12 +137,15 @@ def brush_morph(
 ):
     """Measure a path between two brushes along which behaviour changes evenly; compare it with the straight line.
 
-    Herds are swept from A to B and back, and the report says whether the pair is bistable. Paint with partial weight
-    follows the path if its file is in a folder `brushes` beside the level. Takes about a minute with the defaults.
+    If the path is uneven, herds are swept from A to B and back, and the report says whether the pair is bistable. Paint
+    with partial weight follows the path if its file is in a folder `brushes` beside the level. Takes a minute or two
+    with the defaults.
     """
-    from flockbrush.cli.morph_commands import Trial, morph_brushes
+    from flockbrush.cli.morph_commands import morph_brushes
+    from flockbrush.studies.morph import Route, trials_of
 
-    morph_brushes(start, end, output, Trial(animals, seeds, steps, seconds, begin.value), wander)
+    trials = trials_of(animals or [100], seeds, steps, seconds, begin.value)
+    morph_brushes(start, end, output, trials, Route(wander, tuple(first or ())))
 
 
 @brush_app.command("preview")

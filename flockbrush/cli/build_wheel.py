@@ -67,10 +67,10 @@ def _check(house, levels, cpus):
         find_level(level)
     for cpu in cpus:
         if cpu not in CPUS or shipped_kernels.machine() != "x86_64":
-            told = (
+            message = (
                 f"kernels can be compiled for {', '.join(CPUS)} on x86_64, got {cpu!r} on {shipped_kernels.machine()}"
             )
-            raise typer.BadParameter(told, param_hint="--cpu")
+            raise typer.BadParameter(message, param_hint="--cpu")
 
 
 def _plain_wheel(house, work):
@@ -95,9 +95,9 @@ def _compile(site, kernels, cpu, levels):
 
 def _run(command, folder, environment, problem):
     """Run a program without showing its output; on failure, print the last lines of its output and exit."""
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-    if done.returncode:
-        say(f"{problem}: {' '.join((done.stderr or done.stdout).strip().splitlines()[-3:])}")
+    process = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    if process.returncode:
+        say(f"{problem}: {' '.join((process.stderr or process.stdout).strip().splitlines()[-3:])}")
         raise typer.Exit(PROBLEM)
 
 

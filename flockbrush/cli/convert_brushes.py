@@ -37,16 +37,16 @@ def _convert(path, species, output):
     if not folder.is_dir():
         raise ProblemsError([Problem(str(folder), None, None, "folder not found")])
     with held(folder / path.name):
-        made = convert(read_bytes(path), str(path), fauna, species)  # as it is now that nobody else writes it
-        return "nothing to convert" if made is None else _written(made, folder, path.name)
+        converted = convert(read_bytes(path), str(path), fauna, species)  # as it is now that nobody else writes it
+        return "nothing to convert" if converted is None else _written(converted, folder, path.name)
 
 
-def _written(made, folder, name):
+def _written(converted, folder, name):
     """Write a converted brush and return the text to print."""
-    said = f"made for {', '.join(made.made_for)}"
-    if made.species:
-        beside = folder / f"{made.made_for[0]}{SUFFIX}"
-        write_bytes(beside, made.species.encode(), overwrite=False)
-        said += f"; its body is now in {beside}: move that file to a folder 'species' beside the level"
-    write_bytes(folder / name, made.text.encode(), overwrite=True)
-    return said
+    summary = f"made for {', '.join(converted.made_for)}"
+    if converted.species:
+        beside = folder / f"{converted.made_for[0]}{SUFFIX}"
+        write_bytes(beside, converted.species.encode(), overwrite=False)
+        summary += f"; its body is now in {beside}: move that file to a folder 'species' beside the level"
+    write_bytes(folder / name, converted.text.encode(), overwrite=True)
+    return summary

@@ -33,10 +33,10 @@ def examine(json):
     """Run all checks and print the findings; exit code 1 if there is a problem."""
     findings = [finding for check in CHECKS for finding in _findings(check)]
     if json:
-        print_json([{"state": state, "what": what, "found": found} for state, what, found in findings])
+        print_json([{"state": state, "what": what, "found": text} for state, what, text in findings])
     else:
-        for state, what, found in findings:
-            show(styled(f"[{_COLOURS[state]}]{{}}[/]  {{}} {{}}", f"{state:>7}", f"{what:<31}", found))
+        for state, what, text in findings:
+            show(styled(f"[{_COLOURS[state]}]{{}}[/]  {{}} {{}}", f"{state:>7}", f"{what:<31}", text))
     if any(state == BAD for state, _, _ in findings):
         raise typer.Exit(PROBLEM)
 
@@ -142,10 +142,10 @@ def _display():
     if platform.system() in ("Windows", "Darwin"):
         yield OK, "display", platform.system()
         return
-    found = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    display = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
     yield (
-        (OK, "display", found)
-        if found
+        (OK, "display", display)
+        if display
         else (OK, "display", "none; `flockbrush play` needs one, runs and exports do not")
     )
 
@@ -170,8 +170,8 @@ def _programs():
 def _first_line(command):
     environment = os.environ | {"QT_QPA_PLATFORM": "offscreen"}
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=20, env=environment, check=False)
-        return (done.stdout or done.stderr).strip().split("\n")[0] or "prints no version"
+        process = subprocess.run(command, capture_output=True, text=True, timeout=20, env=environment, check=False)
+        return (process.stdout or process.stderr).strip().split("\n")[0] or "prints no version"
     except (OSError, subprocess.SubprocessError) as error:
         return f"cannot be run: {error}"
 

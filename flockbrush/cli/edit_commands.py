@@ -38,16 +38,16 @@ def edit_recording(job: EditJob):
             file.add(edit, job.layer)
         except ValueError as error:
             raise refused(f"--{edit.kind}", str(error)) from None
-        said = f"{job.layer}: {sentence_of(edit)}"
+        sentence = f"{job.layer}: {sentence_of(edit)}"
     else:
-        said = _managed(job, file)
-    if said is not None:
+        sentence = _managed(job, file)
+    if sentence is not None:
         file.save()
     if job.json:
         print_json(_report(job, file))
         return
-    if said is not None:
-        print_line(said)
+    if sentence is not None:
+        print_line(sentence)
         print_line(f"wrote {file.path}; flockbrush export {job.recording} applies it. The recording is not changed")
         return
     _show(file)
@@ -55,11 +55,11 @@ def edit_recording(job: EditJob):
 
 def _kind(job):
     """The kind of the requested edit, or None; ProblemsError if there are several."""
-    asked = {
+    requested = {
         "delete": job.delete, "move": job.move is not None or job.turn is not None, "retime": job.retime is not None,
         "freeze": job.freeze, "delay": job.delay is not None, "look": bool(job.look),
     }  # fmt: skip
-    kinds = [kind for kind, wanted in asked.items() if wanted]
+    kinds = [kind for kind, is_requested in requested.items() if is_requested]
     others = [job.undo, job.redo, job.on is not None, job.off is not None, job.remove_layer is not None]
     if len(kinds) + sum(others) > 1:
         raise refused(
@@ -145,30 +145,30 @@ def _values(job, kind, words):
         return {"seconds": job.delay}
     if kind != "look":
         return {}
-    told = {}
+    values = {}
     for text in job.look or []:
         name, mark, value = text.partition("=")
         if name not in LOOKS or not mark:
             raise refused("--look", f"must be brush=NAME, species=NAME or size=FACTOR, got {text!r}")
         if name == "size":
-            told[name] = _numbers("--look size", value, (1,))[0]
-            if not 0.01 <= told[name] <= 100:
+            values[name] = _numbers("--look size", value, (1,))[0]
+            if not 0.01 <= values[name] <= 100:
                 raise refused("--look size", f"must be 0.01 to 100, got {value}")
         elif value not in words[name]:
             raise refused("--look", f"there is no {name} {value!r} in this run; it has {', '.join(words[name])}")
         else:
-            told[name] = value
-    return told
+            values[name] = value
+    return values
 
 
 def _numbers(option, text, counts):
     try:
-        found = [float(part) for part in text.split(",")]
+        numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        found = []
-    if len(found) not in counts or not all(np.isfinite(found)) or max(map(abs, found)) > 1e6:
+        numbers = []
+    if len(numbers) not in counts or not all(np.isfinite(numbers)) or max(map(abs, numbers)) > 1e6:
         raise refused(option, f"must be {' or '.join(map(str, counts))} numbers separated by commas, got {text!r}")
-    return found
+    return numbers
 
 
 def _managed(job, file: EditFile):

@@ -39,11 +39,11 @@ def export_table():
     from flockbrush.output.exporter import exporters
     from flockbrush.runs.terminal import table
 
-    made = table("file", "contents", "opens in", "frames/s", "needs", title="File formats")
+    formats = table("file", "contents", "opens in", "frames/s", "needs", title="File formats")
     for kind in dict.fromkeys(exporters().values()):
         packages = ", ".join(package for _, package in kind.needs)
-        made.add_row(" ".join(kind.endings), kind.contents, kind.opens_in, f"{kind.fps:g}", packages)
-    return made
+        formats.add_row(" ".join(kind.endings), kind.contents, kind.opens_in, f"{kind.fps:g}", packages)
+    return formats
 
 
 def _parameters(command):
@@ -51,13 +51,13 @@ def _parameters(command):
     if not hasattr(command, "export_parameters"):
         from flockbrush.output.exporter import all_options
 
-        asked = [_asked(option, endings) for option, endings in all_options()]
+        export_options = [_asked(option, endings) for option, endings in all_options()]
 
         def options():
             pass
 
-        options.__signature__ = inspect.Signature(asked)
-        options.__annotations__ = {one.name: one.annotation for one in asked}
+        options.__signature__ = inspect.Signature(export_options)
+        options.__annotations__ = {one.name: one.annotation for one in export_options}
         app = typer.Typer(add_completion=False)
         app.command(add_help_option=False)(options)
         command.export_parameters = typer.main.get_command(app).params
@@ -68,15 +68,15 @@ def _asked(option, endings):
     """An exporter option as a parameter of a function for typer; its value is None if it is not given."""
     kind = option.kind if option.default is None or option.many else type(option.default)
     help = f"{option.help} ({' '.join(endings)})"
-    said = {"help": help, "metavar": option.metavar, "show_default": str(option.default)}
+    attributes = {"help": help, "metavar": option.metavar, "show_default": str(option.default)}
     if kind is bool or option.default is None or option.many:
-        del said["show_default"]
+        del attributes["show_default"]
     if option.low is not None or option.high is not None:
-        said |= {"min": option.low, "max": option.high}
+        attributes |= {"min": option.low, "max": option.high}
     if option.choices:
         kind = enum.Enum(option.name, {choice: choice for choice in option.choices})
     wanted = list[kind] | None if option.many else kind | None
-    annotation = Annotated[wanted, typer.Option(_flag(option), **said)]
+    annotation = Annotated[wanted, typer.Option(_flag(option), **attributes)]
     return inspect.Parameter(option.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
 
 
@@ -95,7 +95,7 @@ def chosen(context, paths) -> dict:
     from flockbrush.output.exporter import all_options, exporter_of
 
     known = {option.name for path in paths or () if (kind := exporter_of(path)) for option in kind.choices}
-    given = {}
+    options = {}
     for option, endings in all_options():
         value = context.meta[_CHOSEN][option.name]
         if value is None or value is False or value in ((), []):
@@ -105,5 +105,5 @@ def chosen(context, paths) -> dict:
                 f"applies to {', '.join(endings)} only, and no such file is written", param_hint=_flag(option)
             )
         switch = isinstance(option.default, bool)
-        given[option.name] = not option.default if switch else getattr(value, "value", value)
-    return given
+        options[option.name] = not option.default if switch else getattr(value, "value", value)
+    return options

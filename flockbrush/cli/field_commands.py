@@ -42,8 +42,8 @@ def fields_of_clip(clip, out, looking: Looking, preview=None, as_json=False) -> 
     _check(clip, out, preview, looking)
     begin = time.perf_counter()
     with held(out), Interrupts(), compiling(), ExitStack() as stack:
-        drawn = _Preview(preview, stack) if preview else None
-        evidence = look_at(clip, looking, drawn)
+        preview_video = _Preview(preview, stack) if preview else None
+        evidence = look_at(clip, looking, preview_video)
         with whole(out) as temporary:
             evidence.save(temporary)
     _tell(out, preview, evidence, time.perf_counter() - begin, as_json)
@@ -175,12 +175,14 @@ def _cells(picture, glance, watch, fields, scale):
     grid, density = watch.grid, np.nan_to_num(fields["density"])
     ground = cv2.addWeighted(picture, 0.45, np.full_like(picture, 255 if picture.mean() > 128 else 0), 0.55, 0)
     tint = cv2.applyColorMap(np.uint8(255 * np.clip(density / FULL, 0, 1) ** 0.5), cv2.COLORMAP_INFERNO)
-    here = after(np.array([[scale, 0, 0], [0, scale, 0]]), after(back(watch.steady.maps[glance.k]), grid.to_pixels))
+    to_picture = after(
+        np.array([[scale, 0, 0], [0, scale, 0]]), after(back(watch.steady.maps[glance.k]), grid.to_pixels)
+    )
     cells = np.array([[grid.cell, 0, grid.origin[0] + grid.cell / 2], [0, grid.cell, grid.origin[1] + grid.cell / 2]])
-    way, size = after(here, cells), picture.shape[1::-1]
+    way, size = after(to_picture, cells), picture.shape[1::-1]
     tint = cv2.warpAffine(tint, way, size, flags=cv2.INTER_NEAREST)
     alpha = cv2.warpAffine((density > 0.02).astype(np.float32), way, size, flags=cv2.INTER_NEAREST)[..., None] * 0.65
-    made = (ground * (1 - alpha) + tint * alpha).astype(np.uint8)
+    blended = (ground * (1 - alpha) + tint * alpha).astype(np.uint8)
     velocity = fields["velocity"]
     rows, columns = np.nonzero(np.isfinite(velocity[..., 0]) & (density > 0.05))
     v = velocity[rows, columns]
@@ -189,10 +191,12 @@ def _cells(picture, glance, watch, fields, scale):
     longest = 1.2 * grid.cell / max(quick, 1e-6)
     middle = grid.origin + grid.cell * (np.column_stack([columns, rows]) + 0.5)
     for a, b in zip(middle - 0.5 * longest * v, middle + 0.5 * longest * v, strict=True):
-        _arrow(made, here[:, :2] @ a + here[:, 2], here[:, :2] @ b + here[:, 2], (255, 255, 255))
-    _says(made, f"cells of {grid.cell:.2g} body lengths{pace}", (8, 18))
-    _scale_bar(made, scale * watch.length)
-    return made
+        _arrow(
+            blended, to_picture[:, :2] @ a + to_picture[:, 2], to_picture[:, :2] @ b + to_picture[:, 2], (255, 255, 255)
+        )
+    _says(blended, f"cells of {grid.cell:.2g} body lengths{pace}", (8, 18))
+    _scale_bar(blended, scale * watch.length)
+    return blended
 
 
 def _arrow(picture, a, b, colour):

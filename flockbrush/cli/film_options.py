@@ -98,5 +98,5 @@ def lift(
     """Lift a flock from one camera to 3D: convert tracks in pixels to a flight in metres."""
     from flockbrush.cli.lift_commands import lift_tracks
 
-    made = (formation.brush, formation.frame, formation.wingspan) if formation.brush is not None else None
-    lift_tracks(tracks, camera, out, method.value, near, far, json, made, **vars(weights))
+    brush_options = (formation.brush, formation.frame, formation.wingspan) if formation.brush is not None else None
+    lift_tracks(tracks, camera, out, method.value, near, far, json, brush_options, **vars(weights))

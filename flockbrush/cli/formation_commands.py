@@ -44,7 +44,7 @@ def detect(paths, out, every, json):
         for line in lost[:20]:
             say(line)
         frames = len({row[0] for row in rows})
-        found = {
+        summary = {
             "frames": frames,
             "birds": len(rows) // frames,
             "wingspan_px": span,
@@ -52,9 +52,9 @@ def detect(paths, out, every, json):
             "out": str(out),
         }
         if json:
-            print_json(found)
+            print_json(summary)
         else:
-            say(f"{found['birds']} birds in {frames} frames, wingspan about {span:.1f} pixels: {out}")
+            say(f"{summary['birds']} birds in {frames} frames, wingspan about {span:.1f} pixels: {out}")
 
 
 def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):
@@ -102,17 +102,17 @@ def _summary(frame):
     }  # fmt: skip
 
 
-def fly(formation_path, wanted, out, plot, json):
+def fly(formation_path, options, out, plot, json):
     """A steady flight of a formation, with `FlightOptions`."""
-    fps = wanted.fps
+    fps = options.fps
     with claimed([path for path in (out, plot) if path], [formation_path]):
         formation = load_formation(formation_path)
-        birds = wanted.birds or len(formation.frames[0].birds)
+        birds = options.birds or len(formation.frames[0].birds)
         began = time.perf_counter()
-        drawing = Drawing(epsilon=wanted.epsilon, method=wanted.method.value, lateral=wanted.lateral)
-        flight = SteadyFlight(formation, birds, wanted.seed, wanted.left, drawing, wanted.exchange)
-        places = flight.frames(wanted.frames, fps)
-        said = flight.report(places, fps) | {"seconds_to_make": time.perf_counter() - began}
+        drawing = Drawing(epsilon=options.epsilon, method=options.method.value, lateral=options.lateral)
+        flight = SteadyFlight(formation, birds, options.seed, options.left, drawing, options.exchange)
+        places = flight.frames(options.frames, fps)
+        report = flight.report(places, fps) | {"seconds_to_make": time.perf_counter() - began}
         if out:
             text = io.StringIO()
             writer = csv.writer(text, lineterminator="\n")
@@ -126,9 +126,9 @@ def fly(formation_path, wanted, out, plot, json):
         if plot:
             _draw_flight(plot, places, flight)
         if json:
-            print_json(said)
+            print_json(report)
             return
-        rows = ((key.replace("_", " "), value) for key, value in said.items())
+        rows = ((key.replace("_", " "), value) for key, value in report.items())
         show(table("measure", "value", rows=rows, right=("value",)))
 
 
@@ -153,8 +153,8 @@ def film_level(level, out, seconds, seed, theme):
 
     alone = held(out) if out.suffix.lower() == ".png" else nullcontext()  # a film holds its own file
     with alone, progress("filming", int(seconds * 16)) as moved:
-        said = film(level, out, seconds, seed, theme=theme, say=moved)
-    say(f"{out}: {said['frames']} frames; mean power saved per bird at the end {number(said['saved'], 3)} (sum of g)")
+        made = film(level, out, seconds, seed, theme=theme, say=moved)
+    say(f"{out}: {made['frames']} frames; mean power saved per bird at the end {number(made['saved'], 3)} (sum of g)")
 
 
 ADDITIONS = {

@@ -25,9 +25,9 @@ class WrittenOptions:
 
     def words(self) -> dict[str, object]:
         """{option: value} of the options that differ from their defaults."""
-        asked = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
+        values = {field.name: (getattr(self, field.name), field.default) for field in fields(self)}
         return {
-            "--" + name.replace("_", "-"): value for name, (value, usual) in asked.items() if value not in (usual, [])
+            "--" + name.replace("_", "-"): value for name, (value, usual) in values.items() if value not in (usual, [])
         }
 
 
@@ -152,22 +152,22 @@ def frames_of(text: str | None) -> tuple[int, int] | None:
     """(first, last) of "A:B"; typer.BadParameter for anything else."""
     if text is None:
         return None
-    found = re.fullmatch(r"(\d+):(\d+)", text.strip())
-    if not found or int(found[1]) > int(found[2]):
+    match = re.fullmatch(r"(\d+):(\d+)", text.strip())
+    if not match or int(match[1]) > int(match[2]):
         raise typer.BadParameter(f"frames must be FIRST:LAST with FIRST <= LAST, such as 0:99; got {text!r}",
                                  param_hint="--frames")  # fmt: skip
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 def landmark_of(text: str) -> tuple[int, tuple[float, float, float, float]]:
     """(frame, (x, y, w, h)) of "FRAME:x,y,w,h"."""
     number = r"\s*(\d+(?:\.\d*)?)\s*"
-    found = re.fullmatch(rf"\s*(\d+)\s*:{number},{number},{number},{number}", text)
-    if not found or not (float(found[4]) > 0 and float(found[5]) > 0):
+    match = re.fullmatch(rf"\s*(\d+)\s*:{number},{number},{number},{number}", text)
+    if not match or not (float(match[4]) > 0 and float(match[5]) > 0):
         raise typer.BadParameter(
             f"a landmark must be FRAME:x,y,w,h in pixels, such as 0:120,80,60,60; got {text!r}", param_hint="--landmark"
         )
-    return int(found[1]), (float(found[2]), float(found[3]), float(found[4]), float(found[5]))
+    return int(match[1]), (float(match[2]), float(match[3]), float(match[4]), float(match[5]))
 
 
 def landmarks_of(texts: list[str] | None) -> tuple:
@@ -198,8 +198,8 @@ def parts_of(text: str | None) -> tuple[str, ...]:
     """The names of --ablate, in the order given."""
     if not text:
         return ()
-    named = [part.strip() for part in text.split(",") if part.strip()]
-    for part in named:
+    names = [part.strip() for part in text.split(",") if part.strip()]
+    for part in names:
         if part not in PARTS:
             from flockbrush.engine.problems import did_you_mean
 
@@ -207,7 +207,7 @@ def parts_of(text: str | None) -> tuple[str, ...]:
                 f"unknown part {part!r}{did_you_mean(part, PARTS)}",
                 param_hint="--ablate",
             )
-    return tuple(dict.fromkeys(named))
+    return tuple(dict.fromkeys(names))
 
 
 def command_line(name: str, arguments, options: dict) -> str:

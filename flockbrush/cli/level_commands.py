@@ -68,15 +68,15 @@ def run_level(job: RunRequest, options):
 
 def _out_of_sync(job, simulation, error):
     """Print how the two simulations of a tick differ, and end the command."""
-    told = {"level": simulation.level.name, "seed": simulation.origin["seed"], "synctest": job.synctest}
+    facts = {"level": simulation.level.name, "seed": simulation.origin["seed"], "synctest": job.synctest}
     written = []
     if job.report is not None:
-        written = write_report(job.report, simulation.world, error.report, told)
+        written = write_report(job.report, simulation.world, error.report, facts)
     if job.json:
         files = {"files": [str(file) for file in written]} if written else {}
-        print_json(told | {"desync": error.report.as_json()} | files)
+        print_json(facts | {"desync": error.report.as_json()} | files)
     else:
-        print_line(f"{told['level']}: {error}")
+        print_line(f"{facts['level']}: {error}")
         show_desync(error.report, (FIRST, AGAIN), written)
     raise typer.Exit(terminal.PROBLEM)
 
@@ -146,7 +146,7 @@ def recorder_of(path, simulation, keyframes=None):
 @contextmanager
 def stepping(text, simulation, ticks, interrupts, writing=False):
     """Context manager: a function to call after every tick, which moves the progress bar and handles Ctrl-C."""
-    told = "; the written files are complete up to this tick" if writing else ""
+    note = "; the written files are complete up to this tick" if writing else ""
     with terminal.progress(text, ticks) as bar:
 
         def stepped(*_):
@@ -154,7 +154,7 @@ def stepping(text, simulation, ticks, interrupts, writing=False):
             interrupts.gently()
             bar(tick)
             if interrupts.asked:
-                say(f"stopped after tick {tick}{told}")
+                say(f"stopped after tick {tick}{note}")
             interrupts.check()
 
         yield stepped
@@ -187,8 +187,8 @@ def _show_run(report):
     tick = report["seconds_per_tick"]
     title = f"{report['level']}: {report['agents']:,} animals after {report['seconds']:g} s"
     show(measures_table(report["measures"], title))
-    for program, here in report["states"].items():
-        say_states = ", ".join(f"{state} {count:,}" for state, count in here.items())
+    for program, state_counts in report["states"].items():
+        say_states = ", ".join(f"{state} {count:,}" for state, count in state_counts.items())
         print_line(f"{program}: {say_states}")
     pace = f"{1e3 * tick['median']:.2f} ms per tick (median)" if tick["median"] == tick["median"] else "no tick timed"
     lines = [f"{pace}, seed {report['seed']}, state {report['hash']}"]
@@ -224,18 +224,18 @@ def opened(path):
     run = open_recording(path)
     if run.notice:
         say(run.notice)
-    found = differing(run)
+    changed = differing(run)
     for what in ("code", "libraries") if "build" in run.header else ("libraries",):
-        if what in found:
-            say(f"{path}: recorded with {found[what]}: results may differ in the last bits")
+        if what in changed:
+            say(f"{path}: recorded with {changed[what]}: results may differ in the last bits")
     return run
 
 
 def differing(run):
     """Differences between the build that made a recording and this build (`flockbrush.runs.builds.differences`)."""
     build = run.header.get("build")
-    there = {**(build if isinstance(build, dict) else {}), "packages": run.header.get("packages")}
-    return differences(there, build_of_run(), {"flockbrush"})
+    recorded = {**(build if isinstance(build, dict) else {}), "packages": run.header.get("packages")}
+    return differences(recorded, build_of_run(), {"flockbrush"})
 
 
 # levels ---------------------------------------------------------------------------------
@@ -341,14 +341,14 @@ def list_levels():
     """Print a table of the shipped levels."""
     from flockbrush.levels.reader import read_level
 
-    made = table("level", "size, m", "animals", "boundary", "brushes", right=("animals",))
+    levels_table = table("level", "size, m", "animals", "boundary", "brushes", right=("animals",))
     for name in running.shipped_levels():
         level = read_level(running.SHIPPED / f"{name}.tmj")
         brushes = dict.fromkeys(spawn.brush for spawn in level.spawns)
         brushes |= dict.fromkeys(asset for layer in level.brush_layers for asset in layer.assets)
         size = f"{level.width:g} x {level.height:g}"
-        made.add_row(name, size, f"{level.agents:,}", level.boundary, ", ".join(brushes))
-    show(made)
+        levels_table.add_row(name, size, f"{level.agents:,}", level.boundary, ", ".join(brushes))
+    show(levels_table)
 
 
 # brushes ---------------------------------------------------------------------------------
@@ -372,12 +372,12 @@ def list_brushes(json):
     if json:
         print_json([_in_short(brush) for brush in brushes])
         return
-    made = table("", "brush", "model", "speed, BL/s", "numbers", "what they do", right=("speed, BL/s",))
+    brushes_table = table("", "brush", "model", "speed, BL/s", "numbers", "what they do", right=("speed, BL/s",))
     for brush in brushes:
         swatch = styled("[{}]██[/]", brush.colour)
         first = (brush.title or brush.description).strip().split("\n")[0]
-        made.add_row(swatch, brush.name, brush.model, number(brush.speed.mean), brush.provenance.kind, first)
-    show(made)
+        brushes_table.add_row(swatch, brush.name, brush.model, number(brush.speed.mean), brush.provenance.kind, first)
+    show(brushes_table)
 
 
 def _in_short(brush):
@@ -402,17 +402,17 @@ def show_brush(name, json):
     if brush.description:
         show(brush.description.strip())
     parts = {"parameters": brush.params, "speed": brush.speed, "body": brush.body, "vision": brush.vision}
-    made = table("", "value", "unit", "meaning", right=("value",))
+    parameters_table = table("", "value", "unit", "meaning", right=("value",))
     for title, part in parts.items():
-        made.add_row(styled("[bold]{}[/]", title), "", "", "")
+        parameters_table.add_row(styled("[bold]{}[/]", title), "", "", "")
         for key, info in type(part).model_fields.items():
             unit = (info.json_schema_extra or {}).get("unit", "")
-            made.add_row(f"  {key}", _value(getattr(part, key)), unit, info.description or "")
-    show(made)
-    told = {key: value for key, value in brush.provenance.model_dump().items() if value not in (None, "", {})}
+            parameters_table.add_row(f"  {key}", _value(getattr(part, key)), unit, info.description or "")
+    show(parameters_table)
+    provenance = {key: value for key, value in brush.provenance.model_dump().items() if value not in (None, "", {})}
     show(styled("[bold]where the numbers come from[/]"))
-    figures = told.pop("report", {})
-    for key, value in told.items():
+    figures = provenance.pop("report", {})
+    for key, value in provenance.items():
         show(f"  {key}: {_value(value)}")
     if figures:
         show(table("learning report", "value", rows=figures.items(), right=("value",)))

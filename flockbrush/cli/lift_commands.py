@@ -44,10 +44,10 @@ def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_js
 def _lift(tracks, camera, out, method, bounds, as_json, made, wishes):
     """The work of `lift_tracks` while the output files are locked."""
     lens = _with_bounds(camera, read_camera(camera), *bounds)
-    seen = read_tracks(tracks)
+    read = read_tracks(tracks)
     begin = time.perf_counter()
     try:
-        flight = METHODS[method](seen, lens, LiftWish(**wishes))
+        flight = METHODS[method](read, lens, LiftWish(**wishes))
     except LiftError as error:
         raise refused(tracks, str(error)) from None
     seconds = time.perf_counter() - begin
@@ -67,17 +67,17 @@ def _make_brush(tracks, flight, lens, path, frame, wingspan, as_json):
         raise refused(tracks, f"has frames {flight.first} to {last}; there is no frame {frame}")
     if wingspan is not None and not (np.isfinite(wingspan) and wingspan > 0):
         raise refused("--wingspan", f"must be above 0 m, got {wingspan:g}")
-    said = Show(flight, str(tracks), lens, span=wingspan).formation_brush(frame - flight.first, path)
+    learned = Show(flight, str(tracks), lens, span=wingspan).formation_brush(frame - flight.first, path)
     if not as_json:
-        say(said)
+        say(learned)
 
 
 def _with_bounds(path, camera, near, far):
     own = near, far
     near, far = camera.near if near is None else near, camera.far if far is None else far
     if not 0 < near < far:
-        asked = [f"--{name}" for name, value in (("near", own[0]), ("far", own[1])) if value is not None]
-        whose = f" with {' and '.join(asked)}" if asked else ""
+        given = [f"--{name}" for name, value in (("near", own[0]), ("far", own[1])) if value is not None]
+        whose = f" with {' and '.join(given)}" if given else ""
         raise refused(path, f"near must be above 0 and less than far, got {near:g} and {far:g} m{whose}")
     return camera.model_copy(update={"near": near, "far": far})
 

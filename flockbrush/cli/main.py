@@ -92,8 +92,8 @@ def demo(
         raise typer.BadParameter(
             f"the demo is a video: its name must end in .mp4, got {str(out)!r}", param_hint="--out"
         )
-    wanted = RunRequest("sheep-pasture", seconds=seconds, record=record, export=[out], threads=threads)
-    run_level(wanted, {"theme": theme.value, "palette": palette.value})
+    request = RunRequest("sheep-pasture", seconds=seconds, record=record, export=[out], threads=threads)
+    run_level(request, {"theme": theme.value, "palette": palette.value})
 
 
 @app.command()
@@ -126,19 +126,19 @@ def play(
 
 @app.command(cls=WithExports)
 @grouped
-def run(context: typer.Context, wanted: RunRequest):
+def run(context: typer.Context, request: RunRequest):
     """Run a level without a window, for 30 simulated seconds by default."""
     from flockbrush.cli.level_commands import run_level
 
-    if wanted.ticks is not None and wanted.seconds is not None:
+    if request.ticks is not None and request.seconds is not None:
         raise typer.BadParameter("give --ticks or --seconds, not both", param_hint="--ticks")
-    if wanted.report is not None and wanted.synctest is None:
+    if request.report is not None and request.synctest is None:
         raise typer.BadParameter("can only be used with --synctest", param_hint="--report")
-    if wanted.keyframes is not None and wanted.record is None:
+    if request.keyframes is not None and request.record is None:
         raise typer.BadParameter("can only be used with --record", param_hint="--keyframes")
-    if wanted.seconds is None and wanted.ticks is None:
-        wanted.seconds = RUN_SECONDS
-    run_level(wanted, chosen(context, wanted.export))
+    if request.seconds is None and request.ticks is None:
+        request.seconds = RUN_SECONDS
+    run_level(request, chosen(context, request.export))
 
 
 @app.command()

@@ -108,12 +108,12 @@ def mean_of(values):
 def show_series(title, series, plot=None):
     """Print measures over time as a table with sparklines."""
     right = ("start", "mean", "end")
-    made = table("measure", "start", "mean", "end", "over time", "meaning", title=title, right=right)
+    measures = table("measure", "start", "mean", "end", "over time", "meaning", title=title, right=right)
     for name, values in series.items():
         if name != "time":
             cells = (number(values[0]), number(mean_of(values)), number(values[-1]))
-            made.add_row(name, *cells, sparkline(values), meaning_of(name))
-    show(made)
+            measures.add_row(name, *cells, sparkline(values), meaning_of(name))
+    show(measures)
     if plot:
         print_line(f"wrote {plot}")
 

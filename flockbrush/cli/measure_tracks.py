@@ -24,21 +24,21 @@ def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
     every : float
         Seconds between two moments; the last frame is measured too.
     """
-    seen, fps = evidence.sightings, evidence.fps
-    assert seen is not None  # tracks are of single animals
+    sightings, fps = evidence.sightings, evidence.fps
+    assert sightings is not None  # tracks are of single animals
     length = evidence.body_length_px if evidence.length_unit == "m" else 1.0
     last = len(evidence.fields) - 1
     frames = [*range(0, last, max(1, round(every * fps))), last]
     series: dict[str, list] = {}
     for t in frames:
-        rows = seen.of(t)
+        rows = sightings.of(t)
         if rows.stop - rows.start < 2:
             continue
         flat = np.zeros((rows.stop - rows.start, 1))
-        forward = np.hstack([seen.forward[rows], flat])
-        velocity = forward * np.nan_to_num(seen.speed[rows])[:, None] * length
-        found = herd_measures(np.hstack([seen.xy[rows] * length, flat]), velocity, forward, length)
-        for name, value in {"time": t / fps, **found}.items():
+        forward = np.hstack([sightings.forward[rows], flat])
+        velocity = forward * np.nan_to_num(sightings.speed[rows])[:, None] * length
+        values = herd_measures(np.hstack([sightings.xy[rows] * length, flat]), velocity, forward, length)
+        for name, value in {"time": t / fps, **values}.items():
             series.setdefault(name, []).append(value)
     return series
 

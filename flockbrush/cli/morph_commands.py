@@ -10,10 +10,10 @@ from flockbrush.cli.level_commands import find_brush
 from flockbrush.engine.files import held, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.runs.terminal import print_line, say
-from flockbrush.studies.morph import Trial, morph, table
+from flockbrush.studies.morph import Route, Trial, morph, table
 
 
-def morph_brushes(start, end, output, trial: Trial, wander=0.0):
+def morph_brushes(start, end, output, trials: list[Trial], route: Route):
     """Measure the path between two brushes, print the table and write the path."""
     first, last = find_brush(start), find_brush(end)
     if not can_mix(first, last) or first.name == last.name:
@@ -23,17 +23,22 @@ def morph_brushes(start, end, output, trial: Trial, wander=0.0):
             else f"their models are {first.model} and {last.model}"
         )
         raise ProblemsError([Problem(f"{first.name} to {last.name}", None, None, f"there is no path: {why}")])
-    if wander and not hasattr(first.params, "wander"):
-        raise ProblemsError(
-            [Problem(first.name, None, None, f"model {first.model!r} has no parameter wander (--wander)")]
-        )
+    for option, names in (("--wander", ["wander"] if route.wander else []), ("--first", route.first)):
+        for name in names:
+            if not any(field.startswith(name) for field in type(first.params).model_fields):
+                raise ProblemsError(
+                    [Problem(first.name, None, None, f"model {first.model!r} has no parameter {name} ({option})")]
+                )
     file = Path(output) if output else Path(f"{first.name}--{last.name}{PATH_SUFFIX}")
     with held(file):
-        found = morph(first, last, trial, wander, say)
+        found = morph(first, last, trials, route, say)
         text = table(found)
         told = (
-            f"flockbrush brush morph {first.name} {last.name} --animals {trial.animals} --seeds {trial.seeds} "
-            f"--seconds {trial.seconds:g} --begin {trial.begin}{f' --wander {wander:g}' if wander else ''}\n{text}\n"
+            f"flockbrush brush morph {first.name} {last.name} "
+            f"{' '.join(f'--animals {trial.animals}' for trial in trials)} --seeds {trials[0].seeds} "
+            f"--steps {trials[0].steps} --seconds {trials[0].seconds:g} --begin {trials[0].begin}"
+            f"{f' --wander {route.wander:g}' if route.wander else ''}"
+            f"{''.join(f' --first {name}' for name in route.first)}\n{text}\n"
         )
         path = found.path.model_copy(update={"measured": told})
         print_line(text)

@@ -38,8 +38,8 @@ def find_program(name):
 
 def brushes_beside(name):
     """Brushes that a program file can name: in a folder ``brushes`` beside it or one level up, and the shipped."""
-    here = Path(name).parent
-    own = [folder / "brushes" for folder in (here, here.parent) if (folder / "brushes").is_dir()]
+    folder_of_file = Path(name).parent
+    own = [folder / "brushes" for folder in (folder_of_file, folder_of_file.parent) if (folder / "brushes").is_dir()]
     return BrushLibrary([*own, *shipped().folders])
 
 
@@ -65,12 +65,12 @@ def show_program(name, json):
         show(program.description)
     if program.source_note:
         show(f"source: {program.source_note}")
-    made = table("state", "brush", "for", "then", "emits")
-    for state, told in program.states.items():
-        then = "-" if told.then is None else _shares(told.then)
-        cells = (told.brush or "(unchanged)", str(told.lasts or "-"), then, told.emits or "-")
-        made.add_row(styled("[{}]██[/] {}", told.colour, state) if told.colour else state, *cells)
-    show(made)
+    states_table = table("state", "brush", "for", "then", "emits")
+    for state, entry in program.states.items():
+        then = "-" if entry.then is None else _shares(entry.then)
+        cells = (entry.brush or "(unchanged)", str(entry.lasts or "-"), then, entry.emits or "-")
+        states_table.add_row(styled("[{}]██[/] {}", entry.colour, state) if entry.colour else state, *cells)
+    show(states_table)
     rows = ((t.name or "-", ", ".join(t.sources), t.to, _when(t), str(t.delay or "-")) for t in program.triggers)
     show(table("trigger", "from", "to", "when", "delay", rows=rows))
     print_line(f"start: {_shares(program.beginnings)}; sha256 {program.sha256}")
@@ -104,8 +104,8 @@ def as_json(program):
 
 
 def _shares(pairs):
-    told = shares(pairs)
-    return told if isinstance(told, str) else ", ".join(f"{name} {weight:g}" for name, weight in told.items())
+    parts = shares(pairs)
+    return parts if isinstance(parts, str) else ", ".join(f"{name} {weight:g}" for name, weight in parts.items())
 
 
 def _when(trigger):
@@ -127,8 +127,8 @@ def check_programs(files):
             continue
         for line in oddities(program, file):
             say(f"note: {line}")
-        told = f"{len(program.states)} states, {len(program.triggers)} triggers"
-        print_line(f"{name}: ok: {program.title or program.name}, {told}")
+        size = f"{len(program.states)} states, {len(program.triggers)} triggers"
+        print_line(f"{name}: ok: {program.title or program.name}, {size}")
     if bad:
         raise typer.Exit(terminal.PROBLEM)
 
@@ -188,9 +188,9 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
     for what in ("region", "goal", "place"):
         for place in program.references(what):
             say(f"note: {file}: the plane has no {what} {place!r}; triggers that refer to it do not fire")
-    told = read_intruder(intruder, library)
+    newcomer = read_intruder(intruder, library)
     with terminal.Interrupts() as interrupts, terminal.compiling():
-        simulation = plane_for(program, library, animals, species, told, seed)
+        simulation = plane_for(program, library, animals, species, newcomer, seed)
         submit_events(simulation, events)
         series, every = [], max(1, round(seconds / 8 / simulation.clock.dt))
         ticks = round(seconds / simulation.clock.dt)
@@ -202,7 +202,7 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
                     series.append((simulation.clock.now, counts(simulation.world)[program.name]))
                 interrupts.check()
                 bar(tick)
-    found = {
+    report = {
         "program": program.name,
         "animals": animals,
         "seconds": seconds,
@@ -210,16 +210,16 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
         "states": [{"time": time, **here} for time, here in series],
         "transitions": transitions(simulation.world)[program.name],
     }
-    print_json(found) if json else _show_test(program, series, found)
+    print_json(report) if json else _show_test(program, series, report)
 
 
-def _show_test(program, series, found):
+def _show_test(program, series, report):
     names = list(program.states)
-    title = f"{program.name}: {found['animals']} animals on a plane, seed {found['seed']}"
-    rows = ((f"{time:g}", *(str(here[name]) for name in names)) for time, here in series)
+    title = f"{program.name}: {report['animals']} animals on a plane, seed {report['seed']}"
+    rows = ((f"{time:g}", *(str(state_counts[name]) for name in names)) for time, state_counts in series)
     show(table("seconds", *names, rows=rows, title=title, right=("seconds", *names)))
-    show(transition_table(names, found["transitions"]))
-    silent = [t for t in program.triggers if not any(t.to in found["transitions"].get(s, {}) for s in program.states)]
+    show(transition_table(names, report["transitions"]))
+    silent = [t for t in program.triggers if not any(t.to in report["transitions"].get(s, {}) for s in program.states)]
     for trigger in silent:
         say(f"note: no animal entered {trigger.to} ({trigger.name or _when(trigger)})")
 
@@ -250,18 +250,18 @@ _EVENT = re.compile(r"(?P<at>[^:]+):(?P<name>[^@]+)(?:@(?P<place>.+))?")
 
 def read_event(text):
     """(seconds, `Event`) of "2.5:alarm", or of "2.5:alarm@120,80,15" for those within 15 m of (120, 80)."""
-    found = _EVENT.fullmatch(text)
+    match = _EVENT.fullmatch(text)
     wrong = f"must be SECONDS:NAME or SECONDS:NAME@X,Y,RADIUS such as 2.5:alarm, got {text!r}"
-    if found is None:
+    if match is None:
         raise typer.BadParameter(wrong, param_hint="--event")
     try:
-        at = float(found["at"])
-        place = [float(word) for word in found["place"].split(",")] if found["place"] else [0.0, 0.0, 0.0]
+        at = float(match["at"])
+        place = [float(word) for word in match["place"].split(",")] if match["place"] else [0.0, 0.0, 0.0]
     except ValueError:
         raise typer.BadParameter(wrong, param_hint="--event") from None
     if len(place) != 3 or not all(map(math.isfinite, (at, *place))) or at < 0 or place[2] < 0 or at > 1e7:
         raise typer.BadParameter(wrong, param_hint="--event")
-    return at, Event(found["name"].strip(), *place)
+    return at, Event(match["name"].strip(), *place)
 
 
 def submit_events(simulation, texts):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import enum
 import inspect
-import os
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
@@ -132,6 +131,7 @@ class WorkOptions:
 
     def read(self) -> tuple[int, tuple[str, Tls] | None]:
         """(processes, (cluster address, certificates) or None); typer.BadParameter for conflicting options."""
+        from flockbrush.engine.parallel import cores
         from flockbrush.runs.cluster import Tls
 
         tls = Tls(self.tls_ca, self.tls_cert, self.tls_key)
@@ -141,13 +141,7 @@ class WorkOptions:
             raise typer.BadParameter(
                 "certificates can only be used with --cluster tls://HOST:PORT", param_hint="--tls-ca"
             )
-        return self.jobs or _cores(), None if self.cluster is None else (self.cluster, tls)
-
-
-def _cores():
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+        return self.jobs or cores(), None if self.cluster is None else (self.cluster, tls)
 
 
 def _default(field):

@@ -47,14 +47,14 @@ def run_sweep(path, out, jobs, workers, resume, json_wanted, theme):
                 name, f"cannot be reached any more; finished runs are in {out}; continue with --resume"
             ) from None
         except MixedCode as error:
-            told = error.problems[0].message
-            raise refused(name, f"{told}; finished runs are in {out}; continue with --resume") from None
-    found = report.summarise(sweep, journal, time.perf_counter() - begin, width)
-    found["files"] = [str(file) for file in report.write_files(sweep, journal, found, out, theme)]
+            message = error.problems[0].message
+            raise refused(name, f"{message}; finished runs are in {out}; continue with --resume") from None
+    summary = report.summarise(sweep, journal, time.perf_counter() - begin, width)
+    summary["files"] = [str(file) for file in report.write_files(sweep, journal, summary, out, theme)]
     for problem in drawing_problems(out):
         say(f"{out}: means.png was not drawn; {problem.message}")
-    print_json(found) if json_wanted else report.show(sweep, found)
-    if found["failed"] or not all(line["kept"] for line in found["expected"]):
+    print_json(summary) if json_wanted else report.show(sweep, summary)
+    if summary["failed"] or not all(line["kept"] for line in summary["expected"]):
         raise typer.Exit(terminal.PROBLEM)
 
 
@@ -81,8 +81,8 @@ def find_sweep(name) -> Path:
 def _workers(width, elsewhere):
     """Context manager: (function that opens an executor, number of workers), local or on a cluster."""
     if elsewhere is not None:
-        with cluster(*elsewhere) as found:
-            yield found.open, found.width
+        with cluster(*elsewhere) as workers:
+            yield workers.open, workers.width
         return
     opened = []
 

@@ -72,8 +72,8 @@ class Birds:
 
     def new(self) -> int:
         """A number that was never used for a bird."""
-        said = (bird for rows in self.corrections.values() for bird in rows)
-        return 1 + max((*self.ids, *said), default=0)
+        corrected = (bird for rows in self.corrections.values() for bird in rows)
+        return 1 + max((*self.ids, *corrected), default=0)
 
     def partly(self) -> dict[int, int]:
         """In how many frames those birds are that are not in all of them."""
@@ -89,19 +89,19 @@ class Birds:
             for f, rows in self.corrections.items()
         }
         swapped = replace(self, px=px, corrections=corrections)
-        here = {bird: (*at, False) for bird, at in swapped.at(k).items() if bird in names}
-        return swapped._after(px, self.ids, k, here)
+        corrected = {bird: (*at, False) for bird, at in swapped.at(k).items() if bird in names}
+        return swapped._after(px, self.ids, k, corrected)
 
     def lost(self, k) -> dict[int, tuple[float, float]]:
         """{bird: last position} of tracks that ended within `JOIN` frames before frame k; not of removed birds."""
-        taken = {bird for rows in self.corrections.values() for bird, row in rows.items() if row[2]}
-        found = {}
+        removed = {bird for rows in self.corrections.values() for bird, row in rows.items() if row[2]}
+        lost = {}
         for n, bird in enumerate(self.ids):
-            seen = np.flatnonzero(np.isfinite(self.px[:, n, 0]))
-            if 0 < k - seen[-1] <= JOIN and bird not in taken:
-                x, y = self.px[seen[-1], n].tolist()
-                found[bird] = x, y
-        return found
+            frames_seen = np.flatnonzero(np.isfinite(self.px[:, n, 0]))
+            if 0 < k - frames_seen[-1] <= JOIN and bird not in removed:
+                x, y = self.px[frames_seen[-1], n].tolist()
+                lost[bird] = x, y
+        return lost
 
     def join(self, one, other) -> Birds:
         """Join two tracks to one bird, ``one``: the track of the other begins after that of ``one`` has ended.
@@ -112,11 +112,11 @@ class Birds:
             When both are seen in one frame, or the other is seen before.
         """
         px, i, j = self.px.copy(), self.ids.index(one), self.ids.index(other)
-        seen = np.isfinite(px[:, j, 0])
-        begin = int(seen.argmax())
+        has_place = np.isfinite(px[:, j, 0])
+        begin = int(has_place.argmax())
         if np.isfinite(px[begin:, i, 0]).any():
             raise ValueError(f"bird {one} and bird {other} are both seen in frame {begin} or later")
-        px[seen, i] = px[seen, j]
+        px[has_place, i] = px[has_place, j]
         px[:, j] = np.nan
         corrections = {
             f: {one if bird == other else bird: row for bird, row in rows.items()}
@@ -128,8 +128,8 @@ class Birds:
     def remove(self, k, bird) -> Birds:
         """Remove a bird from this frame on; entirely if this frame is before its first sighting."""
         px, n = self.px.copy(), self.ids.index(bird)
-        seen = np.flatnonzero(np.isfinite(px[:, n, 0]))
-        ahead = seen[seen >= k]
+        frames_seen = np.flatnonzero(np.isfinite(px[:, n, 0]))
+        ahead = frames_seen[frames_seen >= k]
         if not len(ahead):
             return self
         at = px[ahead[0], n].tolist()
@@ -146,43 +146,43 @@ class Birds:
         corrections = dict(self.corrections)
         if rows:
             corrections[k] = dict(sorted((corrections.get(k, {}) | rows).items()))
-        here = np.isfinite(px[..., 0]).any(0)
-        kept = tuple(bird for bird, stays in zip(ids, here, strict=True) if stays)
+        present = np.isfinite(px[..., 0]).any(0)
+        kept_ids = tuple(bird for bird, stays in zip(ids, present, strict=True) if stays)
         pending = k if self.pending is None else min(k, self.pending)
-        return Birds(px[:, here], kept, corrections, pending)
+        return Birds(px[:, present], kept_ids, corrections, pending)
 
     # following on -----------------------------------------------------------------------------
 
     def by_hand(self) -> dict[int, list[tuple]]:
         """The corrections as `Tracker` takes them."""
         return {
-            f: [(bird, x, y, True) if gone else (bird, x, y) for bird, (x, y, gone) in rows.items()]
+            f: [(bird, x, y, True) if removed else (bird, x, y) for bird, (x, y, removed) in rows.items()]
             for f, rows in sorted(self.corrections.items())
         }
 
     def lead(self, k) -> int:
         """The first frame whose positions a tracker needs to continue at frame k."""
-        gone = [f for f, rows in self.corrections.items() if f < k and any(row[2] for row in rows.values())]
-        return max(0, min([k - JOIN, *(f - 1 for f in gone)]))
+        removals = [f for f, rows in self.corrections.items() if f < k and any(row[2] for row in rows.values())]
+        return max(0, min([k - JOIN, *(f - 1 for f in removals)]))
 
     def tracker(self, k) -> tuple[Tracker, int]:
         """(a tracker initialised with the positions before frame k and all corrections, its first frame)."""
         first = self.lead(k)
         seeds = {f: [(bird, *at) for bird, at in self.at(f).items()] for f in range(first, k)}
-        said = {f: rows for f, rows in self.by_hand().items() if f >= first}
+        corrections = {f: rows for f, rows in self.by_hand().items() if f >= first}
         seeds = {  # corrections of a frame take precedence over detections
-            f: [row for row in rows if row[0] not in {other[0] for other in said.get(f, ())}]
+            f: [row for row in rows if row[0] not in {other[0] for other in corrections.get(f, ())}]
             for f, rows in seeds.items()
         }
-        return Tracker(seeds, said, first=first, fresh=self.new()), first
+        return Tracker(seeds, corrections, first=first, fresh=self.new()), first
 
     def with_tracks(self, k, tracks: Tracks | None, until=None) -> Birds:
         """The same birds before frame k and from frame ``until`` on, and the birds of the tracks in between."""
         frames = len(self.px)
         until = frames if until is None else until
         fresh = Birds.none(frames) if tracks is None else Birds.of(tracks, frames)
-        said = {bird for f, rows in self.corrections.items() if f >= k for bird in rows}
-        ids = tuple(sorted({*self.ids, *fresh.ids, *said}))
+        corrected = {bird for f, rows in self.corrections.items() if f >= k for bird in rows}
+        ids = tuple(sorted({*self.ids, *fresh.ids, *corrected}))
         px = np.full((frames, len(ids), 2), np.nan)
         for old, span in ((self, slice(0, k)), (fresh, slice(k, until)), (self, slice(until, frames))):
             for n, bird in enumerate(old.ids):
@@ -191,14 +191,14 @@ class Birds:
             f,
             rows,
         ) in self.corrections.items():  # a bird that the tracker lost keeps its corrected position
-            for bird, (x, y, gone) in rows.items() if k <= f < frames else ():
+            for bird, (x, y, removed) in rows.items() if k <= f < frames else ():
                 place = px[f, ids.index(bird)]
-                if not gone and np.isnan(place[0]):
+                if not removed and np.isnan(place[0]):
                     place[:] = x, y
-        here = np.isfinite(px[..., 0]).any(0)
+        present = np.isfinite(px[..., 0]).any(0)
         pending = None if self.pending is None or self.pending >= k else self.pending
-        kept = tuple(bird for bird, stays in zip(ids, here, strict=True) if stays)
-        return Birds(px[:, here], kept, self.corrections, pending)
+        kept_ids = tuple(bird for bird, stays in zip(ids, present, strict=True) if stays)
+        return Birds(px[:, present], kept_ids, self.corrections, pending)
 
     # files ------------------------------------------------------------------------------------
 
@@ -212,16 +212,16 @@ class Birds:
         """The corrections as `flockbrush track --correct` reads them."""
         lines = ["frame,id,x,y,gone"]
         for f, rows in sorted(self.corrections.items()):
-            lines += [f"{f},{bird},{x:.2f},{y:.2f},{int(gone)}" for bird, (x, y, gone) in rows.items()]
+            lines += [f"{f},{bird},{x:.2f},{y:.2f},{int(removed)}" for bird, (x, y, removed) in rows.items()]
         return "\n".join(lines) + "\n"
 
     def with_corrections(self, rows) -> Birds:
         """The birds with corrections that were read from a file, {frame: [(id, x, y[, gone])]}."""
-        said = {
-            f: {int(bird): (float(x), float(y), bool(gone and gone[0])) for bird, x, y, *gone in frame}
+        corrections = {
+            f: {int(bird): (float(x), float(y), bool(removed and removed[0])) for bird, x, y, *removed in frame}
             for f, frame in rows.items()
         }
-        return replace(self, corrections=said)
+        return replace(self, corrections=corrections)
 
 
 class Follower:

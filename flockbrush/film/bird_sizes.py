@@ -48,7 +48,7 @@ class Patch(NamedTuple):
 def patches_of(mask, lighter) -> list[Patch]:
     """Every patch of a mask (h, w) uint8; ``lighter`` (h, w) bool says where the picture is lighter than its sky."""
     count, labels, stats, centres = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    found = []
+    patches = []
     for k in range(1, count):
         left, top, wide, tall, area = stats[k]
         if area < LEAST_AREA:
@@ -60,8 +60,8 @@ def patches_of(mask, lighter) -> list[Patch]:
         )
         edge = left == 0 or top == 0 or left + wide == mask.shape[1] or top + tall == mask.shape[0]
         points = np.vstack(outlines)[:, 0]
-        found.append(_patch(centres[k], float(area), points, float(lighter[box][shape].mean()), not edge))
-    return found
+        patches.append(_patch(centres[k], float(area), points, float(lighter[box][shape].mean()), not edge))
+    return patches
 
 
 def _patch(centre, area, points, pale, inside):

@@ -97,12 +97,12 @@ def find_birds_and_others(image) -> tuple[list[Patch], list[str]]:
         birds, others, usual = _sorted_out(grey, sky)
         if 2.0 * usual <= _window(grey, share):
             break
-    said = [_sentence(why, some, usual) for why, some in others.items()]
+    sentences = [_sentence(why, some, usual) for why, some in others.items()]
     if long := [f"{p.x:.0f},{p.y:.0f}" for p in birds if p.span > TWO * usual]:
-        said.append(
+        sentences.append(
             f"{len(long)} at {', '.join(long)} as long as two birds, counted as one each; they may be touching birds"
         )
-    return sorted(birds, key=lambda patch: patch.x), said
+    return sorted(birds, key=lambda patch: patch.x), sentences
 
 
 def _sorted_out(grey, sky):
@@ -254,30 +254,30 @@ class PictureTracker:
         self.marks: list[dict[int, Mark]] = []  # of each picture
         self._no_birds = itertools.count(-1, -1)  # numbers of what is no bird
 
-    def take(self, found):
+    def take(self, patches):
         """Take the birds that were found in the next picture."""
         self.frame += 1
         before = self.marks[-1] if self.marks else {}
-        match = carry(list(before.values()), found, REACH * self.wingspan)
+        match = carry(list(before.values()), patches, REACH * self.wingspan)
         old = list(before.items())
-        same = [(patch, *old[k]) for patch, k in zip(found, match, strict=True) if k >= 0]
+        same = [(patch, *old[k]) for patch, k in zip(patches, match, strict=True) if k >= 0]
         now = {bird: Mark(patch.x, patch.y, True, was.gone) for patch, bird, was in same}
         if self.frame in self.seeds:
-            now = self._as_told(now, found)
+            now = self._as_told(now, patches)
         else:
             self._carry_on(before, now)
-            self._begin(now, before, [p for p, k in zip(found, match, strict=True) if k < 0])
+            self._begin(now, before, [p for p, k in zip(patches, match, strict=True) if k < 0])
         self.marks.append(now)
 
-    def _as_told(self, now, found):
+    def _as_told(self, now, patches):
         """The birds of a picture that a person knows, and what is followed though it is no bird."""
-        places = {bird: Mark(x, y, is_found(x, y, found)) for bird, x, y in self.seeds[self.frame]}
-        told = {bird: mark for bird, mark in now.items() if mark.gone and not self._on(*mark[:2], places.values())}
+        places = {bird: Mark(x, y, is_found(x, y, patches)) for bird, x, y in self.seeds[self.frame]}
+        no_birds = {bird: mark for bird, mark in now.items() if mark.gone and not self._on(*mark[:2], places.values())}
         if self.frame in self.corrected:
-            taken = [*places.values(), *told.values()]
-            rest = [p for p in found if not self._on(p.x, p.y, taken)]
-            told |= {next(self._no_birds): Mark(p.x, p.y, True, True) for p in rest}
-        return places | told
+            occupied = [*places.values(), *no_birds.values()]
+            rest = [p for p in patches if not self._on(p.x, p.y, occupied)]
+            no_birds |= {next(self._no_birds): Mark(p.x, p.y, True, True) for p in rest}
+        return places | no_birds
 
     def _on(self, x, y, others):
         return any(np.hypot(p.x - x, p.y - y) <= NEAR * self.wingspan for p in others)
@@ -291,10 +291,10 @@ class PictureTracker:
             if bird not in now and not mark.found and 0 <= x < self.size[0] and 0 <= y < self.size[1]:
                 now[bird] = Mark(x, y, False, mark.gone)
 
-    def _begin(self, now, before, found):
+    def _begin(self, now, before, patches):
         """Number those that are new; who was seen at this very place before keeps its number."""
         known = {place: bird for bird, place in self.known(self.frame).items()}
-        for patch in found:
+        for patch in patches:
             bird = known.get((patch.x, patch.y))
             if bird is None or bird in now or bird in before:
                 bird, self.fresh = self.fresh, self.fresh + 1
@@ -332,7 +332,7 @@ def mark(paths, every=1):
     """
     looked = [(name, *find_birds_and_others(image)) for name, image in read_pictures(paths, every)]
     frames = [(name, patches) for name, patches, _ in looked]
-    doubts = [f"{name}: {line}" for name, _, said in looked for line in said]
+    doubts = [f"{name}: {line}" for name, _, lines in looked for line in lines]
     if not any(patches for _, patches in frames):
         raise ProblemsError([Problem(str(next(iter(paths))), None, None, "no birds were detected on a plain sky")])
     span = float(np.median([patch.span for _, patches in frames for patch in patches]))
@@ -341,18 +341,18 @@ def mark(paths, every=1):
     for frame, patches in frames:
         tracker.take(patches)
         places = {(patch.x, patch.y): patch for patch in patches}
-        for bird, seen in tracker.marks[-1].items():
-            tracks.setdefault(bird, []).append((frame, places[seen.x, seen.y]))
-    whole = {bird: seen for bird, seen in tracks.items() if len(seen) == len(frames)}
+        for bird, bird_mark in tracker.marks[-1].items():
+            tracks.setdefault(bird, []).append((frame, places[bird_mark.x, bird_mark.y]))
+    whole = {bird: bird_mark for bird, bird_mark in tracks.items() if len(bird_mark) == len(frames)}
     lost = [
-        f"bird {bird} is in {len(seen)} of {len(frames)} frames, from {seen[0][0]}, and was left out"
-        for bird, seen in tracks.items()
+        f"bird {bird} is in {len(bird_mark)} of {len(frames)} frames, from {bird_mark[0][0]}, and was left out"
+        for bird, bird_mark in tracks.items()
         if bird not in whole
     ]
     if not whole:
         raise ProblemsError(
             [Problem(str(next(iter(paths))), None, None, "no bird could be tracked through all frames")]
         )
-    rows = [(frame, bird, patch) for bird, seen in whole.items() for frame, patch in seen]
+    rows = [(frame, bird, patch) for bird, bird_mark in whole.items() for frame, patch in bird_mark]
     place = {frame: k for k, (frame, _) in enumerate(frames)}
     return sorted(rows, key=lambda row: (place[row[0]], row[1])), span, lost + doubts

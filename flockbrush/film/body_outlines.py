@@ -56,10 +56,10 @@ def size_of_bodies(masks) -> BodySize | None:
     BodySize or None
         None if too few animals are isolated.
     """
-    found = [row for mask in masks for row in _blobs(mask)]
-    if len(found) < ENOUGH:
+    blobs = [row for mask in masks for row in _blobs(mask)]
+    if len(blobs) < ENOUGH:
         return None
-    area, long, wide, solid, inside = np.array(found).T
+    area, long, wide, solid, inside = np.array(blobs).T
     for least in SOLID:
         chosen = (solid >= least) & (inside > 0) & (area >= LEAST_AREA)
         size = _of_those(area, long, wide, chosen)
@@ -70,8 +70,8 @@ def size_of_bodies(masks) -> BodySize | None:
 
 def areas_alone(masks) -> np.ndarray:
     """(k,) pixels of the blobs of some masks that fill their convex hull and are not cut by the border."""
-    found = np.array([row for mask in masks for row in _blobs(mask)]).reshape(-1, 5)
-    area, _, _, solid, inside = found.T
+    blobs = np.array([row for mask in masks for row in _blobs(mask)]).reshape(-1, 5)
+    area, _, _, solid, inside = blobs.T
     return area[(solid >= SOLID[0]) & (inside > 0) & (area >= LEAST_AREA)]
 
 
@@ -152,11 +152,11 @@ def bodies_of(mask, size: BodySize, picture=None, before: Outlines | None = None
     share[0] = 0.0
     lone = (share >= LEAST) & (share <= ALONE[1])
     many = share > ALONE[1]
-    found = [_measured(labels, np.flatnonzero(lone), count, np.ones(lone.sum(), bool))]
+    parts = [_measured(labels, np.flatnonzero(lone), count, np.ones(lone.sum(), bool))]
     if many.any():
         crowd = many[labels].view(np.uint8)
-        found.append(parted_bodies(crowd, size, picture, before))
-    bodies = Outlines(*(np.concatenate(v) for v in zip(*(vars(f).values() for f in found), strict=True)))
+        parts.append(parted_bodies(crowd, size, picture, before))
+    bodies = Outlines(*(np.concatenate(v) for v in zip(*(vars(f).values() for f in parts), strict=True)))
     return bodies if picture is None else replace(bodies, ends=_ends(bodies, mask, picture, size))
 
 
@@ -184,8 +184,8 @@ def _looked_at(layer, places):
     """Means over the last number of a picture at places (k, a, b, 2) px, (k, a)."""
     k, a, b = places.shape[:3]
     x, y = np.moveaxis(places, -1, 0).reshape(2, k, a * b).astype(np.float32)
-    seen = cv2.remap(layer, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return seen.reshape(k, a, b).mean(-1).astype(float)
+    sampled = cv2.remap(layer, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return sampled.reshape(k, a, b).mean(-1).astype(float)
 
 
 def _binary(mask):

@@ -99,11 +99,11 @@ def _run(lost):
 
 def _one(tracks, k):
     """From picture k to the first, by the corners of all landmarks seen in it."""
-    seen = [track for track in tracks if np.isfinite(track.maps[k, 0, 0])]
-    if not seen:
+    tracked = [track for track in tracks if np.isfinite(track.maps[k, 0, 0])]
+    if not tracked:
         return np.full((2, 3), np.nan)
-    now = np.concatenate([moved_by(track.maps[k], track.points) for track in seen])
-    first = np.concatenate([moved_by(track.maps[0], track.points) for track in seen])
+    now = np.concatenate([moved_by(track.maps[k], track.points) for track in tracked])
+    first = np.concatenate([moved_by(track.maps[0], track.points) for track in tracked])
     return fitted(now, first)
 
 
@@ -130,10 +130,10 @@ def smoothed(maps, middle):
     angle = np.unwrap(np.arctan2(inverse[:, 1, 0], inverse[:, 0, 0]))
     zoom = np.log(np.hypot(inverse[:, 1, 0], inverse[:, 0, 0]))
     parts = savgol_filter(np.column_stack([centre, angle, zoom]), SMOOTH, 2, axis=0, mode="interp")
-    made = []
+    maps_smoothed = []
     for x, y, turn, size in parts:
         a, b = np.exp(size) * np.cos(turn), np.exp(size) * np.sin(turn)
         rotation = np.array([[a, -b], [b, a]])
-        made.append(back(np.column_stack([rotation, (x, y) - rotation @ middle])))
-    first = back(made[0])
-    return np.array([after(first, m) for m in made])
+        maps_smoothed.append(back(np.column_stack([rotation, (x, y) - rotation @ middle])))
+    first = back(maps_smoothed[0])
+    return np.array([after(first, m) for m in maps_smoothed])

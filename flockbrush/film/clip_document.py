@@ -93,7 +93,7 @@ class Book(StateStack):
             last = len(self.film) - 1 if marks.last is None else marks.last
             words += ["--frames", f"{marks.first or 0}:{last}"]
         for landmark in marks.landmarks if len(marks.landmarks) > 1 else ():  # one alone holds nothing still
-            words += ["--landmark", landmark.told]
+            words += ["--landmark", landmark.argument]
         if marks.body_colour is not None:
             words += ["--body-colour", ",".join(map(str, marks.body_colour))]
         if marks.body_length is not None:
@@ -209,21 +209,21 @@ class Book(StateStack):
 
     def _birds(self, tracks):
         """The birds of a file, or those saved before."""
-        place, said = self.place("tracks.csv"), self.place("corrections.csv")
+        place, corrections = self.place("tracks.csv"), self.place("corrections.csv")
         path = Path(tracks) if tracks is not None else place if place.is_file() else None
         birds = self.state.birds
         if path is not None:
-            found = read_tracks(path)
-            if found.first + len(found.px) > len(self.film) or found.first < 0:
-                last = found.first + len(found.px) - 1
+            trajectories = read_tracks(path)
+            if trajectories.first + len(trajectories.px) > len(self.film) or trajectories.first < 0:
+                last = trajectories.first + len(trajectories.px) - 1
                 raise refused(
-                    path, f"has frames {found.first} to {last}; the clip has frames 0 to {len(self.film) - 1}"
+                    path, f"has frames {trajectories.first} to {last}; the clip has frames 0 to {len(self.film) - 1}"
                 )
-            birds = Birds.of(found, len(self.film))
+            birds = Birds.of(trajectories, len(self.film))
             self._ours.add(path)
-        if tracks is None and said.is_file():
-            birds = birds.with_corrections(read_marks(said))
-            self._ours.add(said)
+        if tracks is None and corrections.is_file():
+            birds = birds.with_corrections(read_marks(corrections))
+            self._ours.add(corrections)
         return birds
 
     def _read(self, path):

@@ -1,8 +1,8 @@
-"""Fields on a grid of cells over the stabilised ground, from pixels of bodies and how they move (paper section 4).
+"""Fields of density and motion on a grid over the stabilised ground, from body pixels and their optical flow.
 
-A cell's density is its body pixels over the pixels of one animal and its area in the picture.  Mean velocity, and the
-variances of speed and of the unsigned angle to the mean, are over its body pixels, whose flow has been averaged over
-half a body.
+The density of a cell is its number of body pixels, divided by the pixels of one animal and by the area of the cell in
+the picture. Mean velocity, and the variances of speed and of the unsigned angle to the mean velocity, are taken over
+its body pixels, whose flow was averaged over half a body (section 4 of Gong et al. 2025).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numba import njit
 
 from flockbrush.film.camera_maps import back, moved_by
 from flockbrush.film.observations import Fields
+from flockbrush.film.pair_density import pairs_of_mask
 
 MOST_CELLS = 160_000
 SUB = 4  # points across a cell by which it is told how much of it is in the picture
@@ -23,7 +24,7 @@ SEEN = 0.5  # of a cell in the picture: it is seen
 
 @dataclass(frozen=True)
 class ClipGrid:
-    """Square cells over everything that the clip shows."""
+    """Square cells over the ground that the clip shows."""
 
     cell: float  # side, BL
     origin: np.ndarray  # (2,); lower left corner, BL
@@ -36,30 +37,35 @@ class ClipGrid:
         return back(self.to_bl)
 
     def cells_of(self, xy):
-        """(n,) numbers of the cells that points (n, 2) BL are in, -1 outside."""
+        """Numbers (n,) of the cells that contain points (n, 2) in BL, row by row; -1 outside the grid."""
         column, row = np.floor((xy - self.origin) / self.cell).astype(np.int64).T
         inside = (row >= 0) & (column >= 0) & (row < self.shape[0]) & (column < self.shape[1])
         return np.where(inside, row * self.shape[1] + column, -1)
 
     def points(self):
-        """(ny * SUB, nx * SUB, 2) BL evenly over all cells."""
+        """Points evenly spaced over all cells, `SUB` x `SUB` in each, (ny * SUB, nx * SUB, 2) BL."""
         ny, nx = self.shape
         x, y = np.meshgrid((np.arange(nx * SUB) + 0.5) / SUB, (np.arange(ny * SUB) + 0.5) / SUB)
         return self.origin + self.cell * np.stack([x, y], axis=-1)
 
 
 def grid_over(size, maps, body_px, across) -> ClipGrid:
-    """The grid of a clip: ``across`` cells over the longer side of the first picture, and on over all that is seen.
+    """The grid of a clip: `across` cells along the longer side of the first picture, extended to all ground seen.
 
     Parameters
     ----------
     size : (int, int)
-        Of the pictures, px.
+        Width and height of the pictures, px.
     maps : (n, 2, 3) ndarray
-        To the first picture.
+        Map of each picture to the first.
     body_px : float
-        Pixels of the first picture in a BL.
+        Pixels of the first picture per BL.
     across : int
+
+    Returns
+    -------
+    ClipGrid
+        Of at most `MOST_CELLS` cells; larger ground gets larger cells.
     """
     to_bl = np.array([[1.0, 0, 0], [0, -1.0, size[1]]]) / body_px  # the first picture's lower left corner is (0, 0)
     corners = np.array([(0, 0), (size[0], 0), (0, size[1]), size], float)
@@ -77,28 +83,31 @@ def grid_over(size, maps, body_px, across) -> ClipGrid:
 
 @dataclass
 class Collector:
-    """Takes frames one after the other and becomes `Fields`."""
+    """Collects frames one by one and returns their `Fields`."""
 
     grid: ClipGrid
     size: tuple[int, int]  # of the pictures, px
     body_pixels: float  # of one animal in the reference picture
+    paired: bool = False  # measure the distances between bodies: where animals are too small to be separated
     rows: dict[str, list] = field(default_factory=dict)
 
     def add(self, number, mask, to_first, seconds, flow=None, slow=0.0):
-        """Take a frame.
+        """Add a frame.
 
         Parameters
         ----------
         number : int
-            In the clip.
+            Number of the frame in the clip.
         mask : (h, w) uint8 ndarray
+            Nonzero on animals.
         to_first : (2, 3) ndarray
+            Map from pixels of this picture to those of the first.
         seconds : float
-            That the flow bridges; negative when it goes to an earlier picture.
+            Time between the two pictures of the flow; negative if the second is the earlier one.
         flow : (at, move), optional
-            (n, 2) px each; None of a still picture.
+            Positions and motion of body pixels, (n, 2) px each; None for a single picture.
         slow : float
-            BL/s: slower pixels have no direction.
+            Pixels slower than this (BL/s) have no direction.
         """
         density, count = self._density(mask, to_first)
         share = self._share(to_first)
@@ -107,11 +116,14 @@ class Collector:
         moved = self._moved(to_first, seconds, slow, *(flow or (np.empty((0, 2)), np.empty((0, 2)))))
         edge = self._at_edge(mask, to_first)
         row = {"density": density, "seen": share >= SEEN, "count": count, "frames": number, "at_edge": edge, **moved}
+        if self.paired:
+            px = 1.0 / np.sqrt(abs(np.linalg.det(self.grid.to_bl[:, :2] @ to_first[:, :2])))
+            row["pairs"] = pairs_of_mask(mask, px, self.body_pixels / abs(np.linalg.det(to_first[:, :2])))
         for name, value in row.items():
             self.rows.setdefault(name, []).append(value)
 
     def _density(self, mask, to_first):
-        """(animals a BL² (ny, nx), animals in all)."""
+        """Animals per BL² in each cell, (ny, nx), and the number of animals in the picture."""
         y, x = np.nonzero(mask)
         to_cell = np.vstack([to_first, (0, 0, 1)])
         at = moved_by((self.grid.to_bl @ to_cell), np.column_stack([x, y]))
@@ -122,14 +134,14 @@ class Collector:
         return animals / self.grid.cell**2, float(len(x) * zoom / self.body_pixels)
 
     def _at_edge(self, mask, to_first):
-        """Share of a mask that is within half a body length of the picture's edge."""
+        """Share of the body pixels that are within half a body length of the edge of the picture, 0 to 1."""
         to_bl = self.grid.to_bl[:, :2] @ to_first[:, :2]
         rim = max(1, round(0.5 / np.sqrt(abs(np.linalg.det(to_bl)))))
         whole = cv2.countNonZero(mask)
         return 1.0 - cv2.countNonZero(np.ascontiguousarray(mask[rim:-rim, rim:-rim])) / whole if whole else 0.0
 
     def _share(self, to_first):
-        """How much of each cell is in the picture, (ny, nx)."""
+        """Share of each cell that is inside the picture, (ny, nx), 0 to 1."""
         at = moved_by(back(to_first), moved_by(self.grid.to_pixels, self.grid.points()))
         inside = (at[..., 0] >= 0) & (at[..., 1] >= 0) & (at[..., 0] < self.size[0]) & (at[..., 1] < self.size[1])
         ny, nx = self.grid.shape
@@ -147,38 +159,51 @@ class Collector:
         }  # fmt: skip
 
     def last(self) -> dict:
-        """The fields of the frame that was taken last, by name."""
+        """The fields of the frame added last, by name."""
         return {name: values[-1] for name, values in self.rows.items()}
 
     def fields(self, fps, obstacle=None, region=None, outline=None) -> Fields:
-        """All frames taken so far."""
-        made = {name: np.array(values) for name, values in self.rows.items()}
+        """The fields of all frames added so far.
+
+        Parameters
+        ----------
+        fps : float
+        obstacle : (ny, nx) bool ndarray, optional
+        region : (ny, nx) uint8 ndarray, optional
+        outline : (k, 5) ndarray, optional
+            Edges of obstacles, as from `outlined`.
+        """
+        arrays = {name: np.array(values) for name, values in self.rows.items()}
         return Fields(
             fps=float(fps), cell=self.grid.cell, origin=np.asarray(self.grid.origin, float),
             obstacle=np.zeros(self.grid.shape, bool) if obstacle is None else obstacle,
-            region=np.zeros(self.grid.shape, np.uint8) if region is None else region, outline=outline, **made,
+            region=np.zeros(self.grid.shape, np.uint8) if region is None else region, outline=outline, **arrays,
         )  # fmt: skip
 
 
 @njit(cache=True)
 def moments(cells, v, count, slow):
-    """Of the velocities in each cell: mean, mean speed, variance of speed, variance of the angle to the mean.
+    """Moments of the velocities in each cell.
 
     Parameters
     ----------
     cells : (n,) int ndarray
-        -1: nowhere.
+        Cell of each velocity; -1 outside the grid.
     v : (n, 2) ndarray
+        Velocities, BL/s.
     count : int
+        Number of cells.
     slow : float
-        Slower ones have no direction.
+        Velocities below this (BL/s) have no direction.
 
     Returns
     -------
-    mean : (count, 2)
-    speed, speed_variance : (count,)
-    angular_variance : (count,)
-        degrees² of the unsigned angle; NaN where nobody has a direction.
+    mean : (count, 2) ndarray
+        BL/s.
+    speed, speed_variance : (count,) ndarray
+        BL/s and BL²/s².
+    angular_variance : (count,) ndarray
+        Variance of the unsigned angle to the mean, degrees². All are NaN in cells without velocities.
     """
     n = np.zeros(count)
     mean, total, squares = np.zeros((count, 2)), np.zeros(count), np.zeros(count)
@@ -221,18 +246,26 @@ def moments(cells, v, count, slow):
 
 
 def outlined(mask, grid: ClipGrid, scale, within=0.05) -> np.ndarray:
-    """(k, 5) edges of the patches of a mask, and of holes in them: x0, y0, x1, y1 in BL, and the patch.
+    """Edges of the connected patches of a mask, and of the holes in them.
 
     Parameters
     ----------
-    mask, grid, scale
-        As for `painted`.
+    mask : (h, w) uint8 ndarray
+        In pixels of the first picture at full size.
+    grid : ClipGrid
+    scale : float
+        Pixels of the reference picture per pixel of the mask.
     within : float
-        BL by which an edge may run beside the mask's own.
+        Tolerance of the simplified outline, BL.
+
+    Returns
+    -------
+    (k, 5) ndarray
+        x0, y0, x1, y1 (BL) and the number of the patch.
     """
     many, patches = cv2.connectedComponents(mask, connectivity=4)
     px = within / max(abs(grid.to_bl[0, 0]) * scale, 1e-12)
-    found = [np.zeros((0, 5))]
+    edges = [np.zeros((0, 5))]
     for k in range(1, many):
         # pixels are squares: a mask of twice the size has its border between them
         large = cv2.resize((patches == k).astype(np.uint8), None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
@@ -240,19 +273,24 @@ def outlined(mask, grid: ClipGrid, scale, within=0.05) -> np.ndarray:
             corners = cv2.approxPolyDP(line, 2 * px, True)[:, 0]
             if len(corners) > 2:
                 at = moved_by(grid.to_bl, (corners + 0.5) * 0.5 * scale)
-                found.append(np.column_stack([at, np.roll(at, -1, 0), np.full(len(at), k - 1.0)]))
-    return np.concatenate(found)
+                edges.append(np.column_stack([at, np.roll(at, -1, 0), np.full(len(at), k - 1.0)]))
+    return np.concatenate(edges)
 
 
 def painted(mask, grid: ClipGrid, scale) -> np.ndarray:
-    """(ny, nx) how many of the SUB x SUB points of each cell lie on each value of a mask: the commonest value.
+    """The most frequent value of a mask in each cell, sampled at `SUB` x `SUB` points.
 
     Parameters
     ----------
     mask : (h, w) uint8 ndarray
-        In pixels of the clip's first picture, full size; 0 beyond it.
+        In pixels of the first picture at full size; 0 outside.
+    grid : ClipGrid
     scale : float
-        Pixels of the reference picture for one of the mask's.
+        Pixels of the reference picture per pixel of the mask.
+
+    Returns
+    -------
+    (ny, nx) uint8 ndarray
     """
     at = np.floor(moved_by(grid.to_pixels, grid.points()) / scale).astype(int)
     inside = (at[..., 0] >= 0) & (at[..., 1] >= 0) & (at[..., 0] < mask.shape[1]) & (at[..., 1] < mask.shape[0])
@@ -266,7 +304,20 @@ def painted(mask, grid: ClipGrid, scale) -> np.ndarray:
 
 
 def read_colours(picture) -> tuple[np.ndarray, np.ndarray]:
-    """((h, w) uint8 numbers of the regions, (k, 3) their red, green, blue) of a painted mask; black is 0."""
+    """The regions of a painted picture, by colour.
+
+    Parameters
+    ----------
+    picture : (h, w, 3) uint8 ndarray
+        Blue, green, red.
+
+    Returns
+    -------
+    (h, w) int64 ndarray
+        Number of the region of each pixel, from 1; 0 for black.
+    (k, 3) ndarray
+        Red, green and blue of each region.
+    """
     rgb = cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
     flat = rgb.reshape(-1, 3).astype(np.int64) @ (65536, 256, 1)
     colours, numbers = np.unique(flat, return_inverse=True)

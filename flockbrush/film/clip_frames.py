@@ -215,9 +215,9 @@ def _stamps(reader, say):
     return np.nan_to_num(np.array(stamps))
 
 
-def _fps(told, stamps):
+def _fps(nominal, stamps):
     """Frames a second: what the film says, or by its times; 30 where neither makes sense."""
-    if math.isfinite(told) and 0.1 <= told <= 1000:
-        return told
+    if math.isfinite(nominal) and 0.1 <= nominal <= 1000:
+        return nominal
     span = float(stamps[-1] - stamps[0]) if len(stamps) > 1 else 0.0
     return (len(stamps) - 1) / span if span > 0 else 30.0

@@ -83,8 +83,8 @@ def write_regions(path, layer: MaskLayer):
 
 
 def _write_png(path, picture):
-    done, data = cv2.imencode(".png", picture)
-    if not done:
+    ok, data = cv2.imencode(".png", picture)
+    if not ok:
         raise refused(path, "cannot be written as PNG")
     with whole(path) as temporary:
         temporary.write_bytes(data.tobytes())
@@ -125,6 +125,6 @@ def read_regions(path, size) -> MaskLayer:
 def _read_png(path, size):
     picture = read_picture(path)
     if picture.shape[1::-1] != tuple(size):
-        here, film = f"{picture.shape[1]} x {picture.shape[0]}", f"{size[0]} x {size[1]}"
-        raise refused(path, f"has {here} pixels, but the clip has {film}; a mask must have the size of the clip")
+        own_size, film = f"{picture.shape[1]} x {picture.shape[0]}", f"{size[0]} x {size[1]}"
+        raise refused(path, f"has {own_size} pixels, but the clip has {film}; a mask must have the size of the clip")
     return picture

@@ -146,9 +146,9 @@ def _photograph(name, path, sha256, picture, frames, work):
     full = picture.shape[1::-1]
     size = work_size(full, work)
     notes = ["it is a photograph: the density of the animals is known, but not their motion"]
-    kept = {0: _smaller(picture, size)}
+    pictures = {0: _smaller(picture, size)}
     return Clip(
-        path, name, sha256, size, full, FPS, np.array([0]), np.zeros(1), True, notes + _shrunk(full, size), kept
+        path, name, sha256, size, full, FPS, np.array([0]), np.zeros(1), True, notes + _shrunk(full, size), pictures
     )
 
 
@@ -234,7 +234,7 @@ class _Look:
 
 def _look_through(name, path, frames, say, work):
     first, last = _bounds(name, frames)
-    numbers, times, thumbs, kept, room, number = [], [], [], {}, KEEP, -1
+    numbers, times, thumbs, pictures, room, number = [], [], [], {}, KEEP, -1
     with _Film(name, path) as film:
         total = max(0, min(film.length, (last if last is not None else film.length) + 1) - first)
         for number, time, picture in film.pictures(last=last):
@@ -248,17 +248,17 @@ def _look_through(name, path, frames, say, work):
             thumbs.append(cv2.resize(small, _fit(size, THUMB), interpolation=cv2.INTER_AREA))
             room -= small.nbytes
             if room > 0:
-                kept[number] = small
+                pictures[number] = small
             say("reading the clip", len(numbers), total)
     if not numbers:
         raise CannotObserve(name, _no_frames(number + 1, first, last, film.damage))
     notes = [film.damage] if film.damage else []
     if film.turned:
         notes.append(f"the clip is marked as rotated by {film.turned} degrees; it was turned upright")
-    times, said = _clock(times, film.fps)
+    times, clock_notes = _clock(times, film.fps)
     apart, change = _changes(thumbs)
     return _Look(size, full, np.array(numbers), times, apart, change, _smaller(picture, size),
-                 kept if room > 0 else {}, notes + said + _shrunk(full, size))  # fmt: skip
+                 pictures if room > 0 else {}, notes + clock_notes + _shrunk(full, size))  # fmt: skip
 
 
 def _bounds(name, frames):
@@ -284,8 +284,8 @@ def _clock(times, fps):
     unknown = any(time is None for time in times) or (np.diff(np.array(times, float)) <= 0).any()
     if not unknown:
         return np.array(times, float), []
-    said = [] if fps else [f"the clip does not contain its frame rate; {FPS:g} is assumed"]
-    return np.arange(len(times)) / (fps or FPS), said
+    notes = [] if fps else [f"the clip does not contain its frame rate; {FPS:g} is assumed"]
+    return np.arange(len(times)) / (fps or FPS), notes
 
 
 def _changes(thumbs):

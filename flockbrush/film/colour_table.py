@@ -1,4 +1,7 @@
-"""A table of colours, 1 for those of animals: looked up for every pixel, and counted together from pictures."""
+"""A table of colours that tells animals from the ground, with 32 levels each of blue, green and red.
+
+The table has `LEVELS` ** 3 entries, 1 for colours of animals; a kernel looks up each pixel.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ AT_HOME = 3.0, 10.0  # times as common among what moves as elsewhere: an animal'
 
 @njit(cache=True, nogil=True)
 def index_of(picture):
-    """Row of the table for every pixel of a picture, (h, w, 3) -> (h, w)."""
+    """Entry of the table for each pixel of a picture: (h, w, 3) uint8 BGR to (h, w) int32."""
     h, w = picture.shape[:2]
     rows = np.empty((h, w), np.int32)
     for y in range(h):
@@ -25,18 +28,31 @@ def index_of(picture):
 
 @njit(cache=True, nogil=True)
 def looked_up(picture, table):
-    """What the table says of every pixel, (h, w, 3) -> (h, w) uint8."""
+    """Value of the table for each pixel of a picture: (h, w, 3) uint8 BGR to (h, w) uint8."""
     h, w = picture.shape[:2]
-    found = np.empty((h, w), np.uint8)
+    table_values = np.empty((h, w), np.uint8)
     for y in range(h):
         for x in range(w):
             b, g, r = picture[y, x, 0], picture[y, x, 1], picture[y, x, 2]
-            found[y, x] = table[((b >> SHIFT) * LEVELS + (g >> SHIFT)) * LEVELS + (r >> SHIFT)]
-    return found
+            table_values[y, x] = table[((b >> SHIFT) * LEVELS + (g >> SHIFT)) * LEVELS + (r >> SHIFT)]
+    return table_values
 
 
 def valley(away, counts):
-    """Otsu's limit between near and far colours, by distance."""
+    """The threshold that separates two groups of distances best (Otsu [1]_).
+
+    Parameters
+    ----------
+    away : (n,) ndarray
+        Distances, 0 to 256 grey levels.
+    counts : (n,) ndarray
+        How often each occurs.
+
+    References
+    ----------
+    .. [1] Otsu, N. (1979). A threshold selection method from gray-level histograms. IEEE Transactions on Systems, Man,
+       and Cybernetics 9(1), 62-66.
+    """
     weight, edges = np.histogram(away, bins=128, range=(0, 256), weights=counts)
     share = np.cumsum(weight) / max(weight.sum(), 1)
     middle = (edges[:-1] + edges[1:]) / 2
@@ -46,7 +62,7 @@ def valley(away, counts):
 
 
 def lab_of_table():
-    """(LEVELS ** 3, 3) the middle of each colour of the table, Lab in grey levels."""
+    """Lab colour of the middle of each entry of the table, (LEVELS ** 3, 3) float32, as OpenCV scales it."""
     step = 256 // LEVELS
     levels = np.arange(LEVELS, dtype=np.uint8) * step + step // 2
     bgr = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), -1).reshape(-1, 1, 3)
@@ -54,7 +70,20 @@ def lab_of_table():
 
 
 def colours_at_home(index, bodies, elsewhere):
-    """The table of colours that are more common among bodies than elsewhere."""
+    """The table of the colours that are more frequent among bodies than elsewhere.
+
+    Parameters
+    ----------
+    index : (n,) int ndarray
+        Entry of the table of each pixel, as from `index_of`.
+    bodies, elsewhere : (n,) bool ndarray
+        Pixels of moving bodies, and of the rest of the picture.
+
+    Returns
+    -------
+    (LEVELS ** 3,) uint8 ndarray
+        1 for colours of animals. Rare colours are judged together with similar ones.
+    """
     a, b = (np.bincount(index[chosen], minlength=LEVELS**3).astype(float) for chosen in (bodies, elsewhere))
     ratio = np.zeros(LEVELS**3)
     known = np.zeros(LEVELS**3, bool)
@@ -67,7 +96,7 @@ def colours_at_home(index, bodies, elsewhere):
 
 
 def _homely(ratio, bodies):
-    """The limit between colours that animals have and those they share with the ground: the valley of their ratios."""
+    """The frequency ratio above which a colour belongs to animals: the valley of all ratios, within `AT_HOME`."""
     low, high = AT_HOME
     at = np.clip(np.log(np.maximum(ratio, 1e-6)), -3.0, 9.0)
     return float(np.clip(np.exp(valley((at + 3.0) * (256 / 12.0), bodies) * 12.0 / 256 - 3.0), low, high))

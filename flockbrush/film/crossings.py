@@ -73,7 +73,7 @@ class _State(NamedTuple):
 
 @dataclass(frozen=True)
 class _Walk:
-    """The random walk of velocities, px²/frame³, and the noise of places, px²."""
+    """The random walk of velocities (px²/frame³), and the noise of positions (px²)."""
 
     q: float
     r: float
@@ -83,7 +83,7 @@ class _Walk:
 
     @classmethod
     def of(cls, px, area):
-        """By the variances of second differences over one frame and over `LAG`: 2/3 q m³ + 6 r."""
+        """Estimate both from the variances of second differences over 1 and `LAG` frames: 2/3 q m³ + 6 r."""
         wide, fine = (_variance(px[2 * m :] - 2 * px[m:-m] + px[: -2 * m]) for m in (LAG, 1))
         q = max((wide - fine) / (2 / 3 * (LAG**3 - 1)), 1e-6)
         velocity = np.diff(px, axis=0)
@@ -96,7 +96,7 @@ class _Walk:
         return self.q * np.array([[gap**3 / 3, gap**2 / 2], [gap**2 / 2, gap]])
 
     def state(self, frames, px, size, back=False):
-        """Place and velocity at the last of the frames, by a Kalman filter; at the first of them where ``back``."""
+        """Position and velocity at the last of the frames by a Kalman filter; at the first with `back`."""
         order = slice(None, None, -1) if back else slice(None)
         frames, px = frames[order], px[order]
         sign = -1.0 if back else 1.0
@@ -121,7 +121,7 @@ class _Walk:
         return step @ mean, step @ cov @ step.T + self.noise(gap)
 
     def cost(self, before, after):
-        """Minus twice the log likelihood that one goes on as the other."""
+        """Minus twice the log likelihood that a bird in the state `before` continues as `after`."""
         gap = after.frame - before.frame
         if not 0 < gap <= LONGEST:
             return NEVER
@@ -136,22 +136,30 @@ class _Walk:
 
 
 def _variance(values):
-    """Of one coordinate, from the median absolute deviation."""
+    """Variance of one coordinate, from the median absolute deviation."""
     known = np.abs(values[np.isfinite(values)])
     return float((1.4826 * np.median(known)) ** 2) if len(known) else 0.0
 
 
 def _middle(values):
-    """Means of columns, NaN where nothing is known."""
+    """Means of columns; 0 where nothing is known."""
     known = np.isfinite(values)
     return np.where(known, values, 0).sum(0) / np.maximum(known.sum(0), 1)
 
 
 def renamed(seen: Crossed) -> np.ndarray:
-    """The number of the track to which each place belongs, (F, N) int: columns of ``seen.px``.
+    """The track to which each observed position belongs, after crossings are resolved.
 
-    Each frame has each number once.  An identity set by hand is kept, and so is what follows; a crossing that contains
-    one is left unchanged.
+    An identity set by hand is kept, and so is what follows; a crossing that contains one is left unchanged.
+
+    Parameters
+    ----------
+    seen : Crossed
+
+    Returns
+    -------
+    (F, N) ndarray of int
+        Columns of ``seen.px``; each frame contains each number once.
     """
     frames, tracks = seen.blob.shape
     names = np.tile(np.arange(tracks), (frames, 1))
@@ -184,12 +192,12 @@ def _crossings(seen, alone, there):
             blob = int(seen.blob[f, run.track])
             if blob >= 0:
                 group[root(k)] = root(shared.setdefault((f, blob), k))
-    found: dict[int, dict[int, list[_Run]]] = {}
+    by_frame: dict[int, dict[int, list[_Run]]] = {}
     for k, run in enumerate(runs):
-        found.setdefault(root(k), {}).setdefault(run.track, []).append(run)
+        by_frame.setdefault(root(k), {}).setdefault(run.track, []).append(run)
     several = [
         [_Run(track, mine[0].first, mine[-1].last) for track, mine in part.items()]
-        for part in found.values()
+        for part in by_frame.values()
         if len(part) > 1
     ]
     return sorted(several, key=lambda part: min(run.first for run in part))
@@ -241,9 +249,9 @@ def _name(runs, names, seen, walk):
 def _until(tracks, names, seen, first):
     """The first frame whose identities were set by hand and are not reassigned."""
     who = sorted({*tracks, *names[first, tracks].tolist()})
-    said = np.flatnonzero(seen.fixed[first:, who].any(1))
+    fixed = np.flatnonzero(seen.fixed[first:, who].any(1))
     turns = np.flatnonzero((names[first:, tracks] != names[first, tracks]).any(1))
-    return first + min([*said[:1].tolist(), *turns[:1].tolist(), len(names) - first])
+    return first + min([*fixed[:1].tolist(), *turns[:1].tolist(), len(names) - first])
 
 
 def _shared(f, moved, tracks, old, seen, walk):

@@ -7,13 +7,12 @@ import tokenize
 import zipfile
 import zlib
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 
 from flockbrush.behaviours.tomlfile import check_plain
 from flockbrush.engine import limits
-from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.files import refused
 
 SCHEMA = "flockbrush.fields/1"
 _UNKNOWN = "is not a fields file"
@@ -33,7 +32,7 @@ def part_of(data, prefix):
 
 def write(path, arrays):
     if sum(array.nbytes for array in arrays.values()) > limits.FIELDS_BYTES:
-        message = f"would be larger than {limits.FIELDS_BYTES.told}; use a part of the clip: --frames FIRST:LAST"
+        message = f"would be larger than {limits.FIELDS_BYTES.text}; use a part of the clip: --frames FIRST:LAST"
         raise refused(path, message)
     with open(path, "wb") as file:
         np.savez_compressed(file, schema=np.array(SCHEMA), **arrays)
@@ -52,7 +51,7 @@ def _check_members(file):
     """ValueError unless the arrays of an npz are as long as they say, and not too much together."""
     with zipfile.ZipFile(file) as packed:
         if sum(info.file_size for info in packed.infolist()) > limits.FIELDS_BYTES:
-            raise ValueError(f"it unpacks to more than {limits.FIELDS_BYTES.told}")
+            raise ValueError(f"it unpacks to more than {limits.FIELDS_BYTES.text}")
         for info in packed.infolist():
             with packed.open(info) as member:
                 version = np.lib.format.read_magic(member)
@@ -83,8 +82,8 @@ class damage:
     def __exit__(self, kind, error, trace):
         if kind is None or not issubclass(kind, _TROUBLE):
             return False
-        said = str(error).replace("allow_pickle=False", "it").strip("'\"") or kind.__name__
-        raise refused(self.path, f"{_UNKNOWN}, or it is damaged: {said}") from None
+        reason = str(error).replace("allow_pickle=False", "it").strip("'\"") or kind.__name__
+        raise refused(self.path, f"{_UNKNOWN}, or it is damaged: {reason}") from None
 
 
 _TROUBLE = (
@@ -103,7 +102,3 @@ def unpacked(path, raw):
     from flockbrush.film.media import decoded
 
     return decoded(raw.tobytes(), f"{path}: clip.picture")
-
-
-def refused(path, message):
-    return ProblemsError([Problem(str(Path(path)), None, None, message)])

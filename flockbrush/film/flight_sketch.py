@@ -62,10 +62,10 @@ class FlightSketch:
     def tracks(self) -> Tracks:
         """All paths over the same frames, smoothed."""
         px = np.stack([along(path, self.frames, self.even) for path in self.paths], axis=1)
-        drawn = Tracks(px, np.array([path.bird for path in self.paths]))
+        sketched = Tracks(px, np.array([path.bird for path in self.paths]))
         if self.smooth <= 0 or self.frames < 4:
-            return drawn
-        return replace(drawn, px=smoothed(drawn, self.stiffness).px)
+            return sketched
+        return replace(sketched, px=smoothed(sketched, self.stiffness).px)
 
     @property
     def stiffness(self) -> float:

@@ -1,9 +1,9 @@
-"""Which end of an animal that stands is its head: by what the heads of those look like that walk.
+"""Which end of a standing animal is its head, learned from the looks of walking animals.
 
-An animal that goes somewhere shows which of its ends is in front.  What the ends of bodies look like (`Bodies.ends`) is
-compared over those animals: if heads can be told from tails by it, in animals that were left out of the comparison,
-they can be told in animals that stand as well.  Light that falls from one side makes ends differ, too, but by where
-they point and not by what they are; that part is fitted beside and taken out.
+The motion of a walking animal shows which end is the front. Features of both ends (`Bodies.ends`) are compared over
+these animals by Fisher's linear discriminant [1]_. If it finds the heads of walking animals that were left out of the
+fit, it is applied to standing animals. Light from one side also makes the ends differ, depending on their direction;
+this effect is fitted at the same time and subtracted.
 
 References
 ----------
@@ -25,21 +25,27 @@ LIGHT = 1.0  # of the walkers: what holds the effect of light back where heading
 
 
 def by_looks(ends, axis, forward, at, begin, noise, fps):
-    """How much likelier it is that the axis points to the head than to the tail, (k,) logarithms; 0 where not told.
+    """Log odds that the axis of each body points to its head rather than to its tail.
 
     Parameters
     ----------
     ends : (k, m) ndarray
-        See `Bodies.ends`, of the bodies of tracks that lie one after the other.
+        Features of the ends of the bodies (`Bodies.ends`), for tracks stored one after the other.
     axis, forward : (k, 2) ndarray
-        Unit vectors: as the body lies, and where its head is by its motion.
+        Unit vectors along the body, and of the heading by its motion.
     at : (k, 2) ndarray
-        BL.
+        Positions, BL.
     begin : (tracks + 1,) ndarray
-        Row with which each track begins, and the end.
+        First row of each track, and the number of rows.
     noise : float
-        BL, of a place.
+        Standard deviation of a position, BL.
     fps : float
+
+    Returns
+    -------
+    (k,) ndarray
+        0 everywhere if fewer than `WALKERS` animals walk, if all head the same way, or if the heads of less than `TOLD`
+        of the animals left out are found.
     """
     unknown = np.zeros(len(ends))
     track = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
@@ -70,13 +76,13 @@ def by_looks(ends, axis, forward, at, begin, noise, fps):
 
 
 def _walkers(at, forward, track, begin, noise, fps):
-    """(k,) bool: sights of animals that walk, of the surest if they are enough; None where too few walk."""
+    """Sightings (k,) bool of walking animals, by the strictest criterion that enough animals meet; else None."""
     row = np.arange(len(at))
     for far, times, seconds in SURE:
         near = max(NEAR, round(seconds * fps))
         first, last = np.maximum(row - near, begin[track]), np.minimum(row + near, begin[track + 1] - 1)
-        gone = ((at[last] - at[first]) * forward).sum(1)
-        sure = gone > max(far, FIRM * noise)
+        distance = ((at[last] - at[first]) * forward).sum(1)
+        sure = distance > max(far, FIRM * noise)
         often = np.bincount(track[sure], minlength=len(begin) - 1) >= times
         if often.sum() >= WALKERS:
             return sure & often[track]
@@ -84,18 +90,18 @@ def _walkers(at, forward, track, begin, noise, fps):
 
 
 def _usual_square(values):
-    """Variance, by the median of what is off: some tracks are of two animals."""
+    """Robust variance, from the median absolute deviation: some tracks mix two animals."""
     return float(1.4826 * np.median(np.abs(values))) ** 2
 
 
 def _means(values, who):
-    """Means of the rows of each animal, numbered from 0."""
+    """Means of the rows of each animal, (animals, columns); `who` numbers the animals from 0."""
     count = np.bincount(who)
     return np.column_stack([np.bincount(who, column) for column in values.T]) / count[:, None]
 
 
 def _learned(looks, facing):
-    """(weights that tell heads from tails (m,), effect of light (2, m)) from animals, one row each."""
+    """Discriminant weights (m,) and effect of light (2, m), from features and headings, one row per animal."""
     known = np.column_stack([np.ones(len(looks)), facing])
     hold = np.diag([0.0, 1.0, 1.0]) * LIGHT * len(looks)
     effect = np.linalg.solve(known.T @ known + hold, known.T @ looks)

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from flockbrush.film.camera_maps import fitted
+
 LEAST = 8  # pixels of a rectangle's side
 SIDE = 640  # pixels: larger pictures are made so small to be followed in
 MOST = 8  # landmarks of a film
@@ -22,7 +24,7 @@ class Landmark(NamedTuple):
     h: float
 
     @property
-    def told(self) -> str:
+    def argument(self) -> str:
         """The form of the command line: "12:310,205,64,48"."""
         return f"{self.frame}:" + ",".join(str(round(part)) for part in self[1:])
 
@@ -45,28 +47,28 @@ def followed(film, landmark, say=lambda share: None) -> np.ndarray:
     say : callable, optional
         Called with the share that is done.
     """
-    found = np.full((len(film), 4), np.nan)
-    found[landmark.frame] = landmark[1:]
+    boxes = np.full((len(film), 4), np.nan)
+    boxes[landmark.frame] = landmark[1:]
     done = 1
     scale = min(1.0, SIDE / max(film.size))
     for way in (range(landmark.frame + 1, len(film)), range(landmark.frame - 1, -1, -1)):
-        tracker = _csrt()
+        tracker = csrt()
         tracker.init(_small(film.frame(landmark.frame), scale), tuple(round(part * scale) for part in landmark[1:]))
         for k in way:
             fine, box = tracker.update(_small(film.frame(k), scale))
             if not fine:
                 break
-            found[k] = np.array(box) / scale
+            boxes[k] = np.array(box) / scale
             done += 1
             say(done / len(film))
-    return found
+    return boxes
 
 
-def _csrt():
-    """A tracker as quick as that of `flockbrush.film.stabilise`."""
-    wishes = cv2.TrackerCSRT.Params()
-    wishes.template_size, wishes.number_of_scales = 120, 17
-    return cv2.TrackerCSRT.create(wishes)
+def csrt():
+    """A CSRT tracker that is quick enough for two rectangles on two cores."""
+    params = cv2.TrackerCSRT.Params()
+    params.template_size, params.number_of_scales = 120, 17
+    return cv2.TrackerCSRT.create(params)
 
 
 def _small(image, scale):
@@ -88,22 +90,6 @@ def motion(boxes, a, b) -> np.ndarray | None:
     if not pairs:
         return None
     start, end = (np.array([pair[k][:2] + pair[k][2:] / 2 for pair in pairs]) for k in (0, 1))
-    if len(pairs) == 1:
-        return np.column_stack([np.eye(2), end[0] - start[0]])
-    p, q = start - start.mean(0), end - end.mean(0)
-    length = float((p**2).sum())
-    if length < 1.0:
+    if ((start - start.mean(0)) ** 2).sum() < 1.0:  # one place
         return np.column_stack([np.eye(2), end.mean(0) - start.mean(0)])
-    c, s = float((p * q).sum()) / length, float((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum()) / length
-    turn = np.array([[c, -s], [s, c]])
-    return np.column_stack([turn, end.mean(0) - turn @ start.mean(0)])
-
-
-def moved(matrix, xy) -> np.ndarray:
-    """Positions (..., 2) after a motion (2, 3)."""
-    return np.asarray(xy, float) @ matrix[:, :2].T + matrix[:, 2]
-
-
-def back(matrix) -> np.ndarray:
-    """The inverse motion, (2, 3)."""
-    return cv2.invertAffineTransform(np.asarray(matrix, float))
+    return fitted(start, end)

@@ -63,14 +63,14 @@ class BodyColours:
         if self.ground is not None:
             picture = exposed(picture, self.exposure(k, picture))
         smooth = cv2.GaussianBlur(picture, (3, 3), 0)
-        found = looked_up(smooth, self.table)
+        mask = looked_up(smooth, self.table)
         if self.stones is not None:
-            self._leave_out_stones(k, smooth, found)
-        found = cv2.medianBlur(found, 3)
+            self._leave_out_stones(k, smooth, mask)
+        mask = cv2.medianBlur(mask, 3)
         if self.lines is None:
-            return found
+            return mask
         way, flags = back(self.maps[k]), cv2.INTER_NEAREST
-        return without_lines(found, cv2.warpAffine(self.lines, way, found.shape[::-1], flags=flags))
+        return without_lines(mask, cv2.warpAffine(self.lines, way, mask.shape[::-1], flags=flags))
 
     def find_lines(self, masks, pictures, size) -> bool:
         """Look for lines and plain faces of the ground in colours of animals; whether there are any.
@@ -96,17 +96,19 @@ class BodyColours:
         self.stones = cv2.dilate(faint, np.ones((5, 5), np.uint8)) if faint.any() else None
         return self.stones is not None
 
-    def _leave_out_stones(self, k, picture, found):
+    def _leave_out_stones(self, k, picture, mask):
         """Take out of a mask what is where a stone is and looks more like it than like an animal."""
         way = after(self.ground.from_first, self.maps[k])
         size, flags = picture.shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        there = (cv2.warpAffine(self.stones * np.uint8(255), way, size, flags=flags) > 0) & (found > 0)
-        if not there.any():
+        on_stones = (cv2.warpAffine(self.stones * np.uint8(255), way, size, flags=flags) > 0) & (mask > 0)
+        if not on_stones.any():
             return
-        ground = cv2.warpAffine(self.ground.picture, way, size, flags=flags)[there].astype(float)
-        here = picture[there].astype(float)
-        like_ground = np.linalg.norm(here - ground, axis=1) < np.linalg.norm(here - self.bright[::-1], axis=1)
-        found[there] = ~like_ground
+        ground = cv2.warpAffine(self.ground.picture, way, size, flags=flags)[on_stones].astype(float)
+        colours_there = picture[on_stones].astype(float)
+        like_ground = np.linalg.norm(colours_there - ground, axis=1) < np.linalg.norm(
+            colours_there - self.bright[::-1], axis=1
+        )
+        mask[on_stones] = ~like_ground
 
     def exposure(self, k, picture):
         """What gives the k-th picture the exposure of the ground (see `gain`)."""
@@ -233,32 +235,32 @@ def colours_of(clip, steady: Steady, colour="auto") -> BodyColours:
     """
     samples = ground_of(clip, steady)
     if not isinstance(colour, str):
-        found = _given(samples, steady, colour)
+        colours = _given(samples, steady, colour)
     elif clip.still:
-        found = found_in_picture(samples, steady)
+        colours = found_in_picture(samples, steady)
     else:
-        found = found_colours(clip, samples, steady)
-    _check(clip, found, samples, colour)
-    return found
+        colours = found_colours(clip, samples, steady)
+    _check(clip, colours, samples, colour)
+    return colours
 
 
-def _check(clip, found, samples, colour):
+def _check(clip, colours, samples, colour):
     """Refuse colours that match no pixel, or most of the picture."""
-    share = float(found.table[samples.index[samples.known]].mean())
-    seen = {"share of the picture": share, "pictures": {"ground": samples.ground.picture}}
+    share = float(colours.table[samples.index[samples.known]].mean())
+    evidence = {"share of the picture": share, "pictures": {"ground": samples.ground.picture}}
     if share > CROWDED:
         raise CannotObserve(
             clip.name,
             f"{share:.0%} of the picture looks like animals; give their colour with --body-colour R,G,B, or choose "
             "frames that show more ground",
-            seen,
+            evidence,
         )  # fmt: skip
     if share == 0:
-        told = "; give their colour with --body-colour R,G,B" if isinstance(colour, str) else (
+        advice = "; give their colour with --body-colour R,G,B" if isinstance(colour, str) else (
             f": nothing has a colour near the given {','.join(map(str, colour))}; pick the colour in the clip with "
             "flockbrush play --clip, or leave --body-colour out"
         )  # fmt: skip
-        raise CannotObserve(clip.name, f"no animals were detected{told}", seen)
+        raise CannotObserve(clip.name, f"no animals were detected{advice}", evidence)
 
 
 def _given(samples, steady, colour):

@@ -33,10 +33,10 @@ def size_in(clip, steady, masks, given):
     if size is None:
         return BodySize(length, length / LONG, CAPSULE * length**2, 0), length, False, []
     ratio = length / size.length
-    said = f"given body length {length:.0f} pixels, but animals without contact to others measure {size.length:.0f}"
+    warning = f"given body length {length:.0f} pixels, but animals without contact to others measure {size.length:.0f}"
     if abs(ratio - 1) > PARTLY:
         size = scaled(size, ratio)
-    return size, length, apart, [said] if abs(ratio - 1) > 0.25 else []
+    return size, length, apart, [warning] if abs(ratio - 1) > 0.25 else []
 
 
 def scaled(size: BodySize, ratio: float) -> BodySize:
@@ -58,8 +58,8 @@ def _guessed(clip, masks):
         away = cv2.distanceTransform(mask, cv2.DIST_L2, 5)
         top = (away == cv2.dilate(away, np.ones((3, 3), np.uint8))) & (away > 1.0)
         ridges.append(away[top])
-    found = np.concatenate(ridges) if ridges else np.empty(0)
-    if not len(found):
+    lengths = np.concatenate(ridges) if ridges else np.empty(0)
+    if not len(lengths):
         example = {"what looks like animals": masks[0] * np.uint8(255)} if masks else {}
         raise CannotObserve(
             clip.name,
@@ -67,7 +67,7 @@ def _guessed(clip, masks):
             "--frames A:B",
             {"pictures": example},
         )  # fmt: skip
-    width = 2.0 * float(np.quantile(found, 0.7))
+    width = 2.0 * float(np.quantile(lengths, 0.7))
     alone = [row for mask in masks for row in _lone(mask, width)]
     if alone:
         long, wide, area = np.median(alone, axis=0)

@@ -15,18 +15,14 @@ import numpy as np
 
 from flockbrush.behaviours.tomlfile import read_bytes
 from flockbrush.engine import limits, picture_decoding
+from flockbrush.engine.files import refused
 from flockbrush.engine.picture_decoding import picture_size
-from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.problems import ProblemsError
 
 FILMS = ("mov", "matroska", "avi", "mpegts", "mpeg", "m4v", "ogg", "asf", "flv", "gif")  # FFmpeg's names of formats
 FILM_ENDINGS = "MP4, MOV, MKV, WebM, AVI, MPEG, OGG, WMV, FLV and GIF"
 PICTURES = "PNG, JPEG, WebP and BMP"
 BROKEN = 500  # packets of a film that cannot be decoded, one after the other: no more are tried
-
-
-def refused(path, message) -> ProblemsError:
-    """The error that says one thing about one file."""
-    return ProblemsError([Problem(str(path), None, None, message)])
 
 
 # pictures --------------------------------------------------------------------------------------
@@ -56,7 +52,7 @@ def decoded(data: bytes, path, hint="", flags=cv2.IMREAD_COLOR) -> np.ndarray:
         raise refused(path, what)
     width, height = size
     if width * height > limits.PICTURE_PIXELS:
-        raise refused(path, f"has {width:,} x {height:,} pixels; the maximum is {limits.PICTURE_PIXELS.told}")
+        raise refused(path, f"has {width:,} x {height:,} pixels; the maximum is {limits.PICTURE_PIXELS.text}")
     picture = picture_decoding.decoded(data, flags)
     if picture is None:
         raise refused(path, what)
@@ -112,7 +108,7 @@ def pictures_of(container, path):
 def check_frame_size(path, width, height):
     """ProblemsError when the frames of a film are larger than `limits.FILM_PIXELS`."""
     if width * height > limits.FILM_PIXELS:
-        message = f"has frames of {width:,} x {height:,} pixels; the maximum is {limits.FILM_PIXELS.told}"
+        message = f"has frames of {width:,} x {height:,} pixels; the maximum is {limits.FILM_PIXELS.text}"
         raise refused(path, message)
 
 

@@ -12,8 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
+from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.film.fields_file import damage, flat, packed, part_of, read, refused, unpacked, write
+from flockbrush.film.fields_file import damage, flat, packed, part_of, read, unpacked, write
+from flockbrush.film.pair_density import RINGS, pairs_scaled
 from flockbrush.film.speeds import SpeedEvidence, speed_evidence
 
 
@@ -60,6 +62,9 @@ class Fields:
     # (T,) or None; share of what shows animals that is within half a body length of the edge of the picture.  None:
     # nobody knows, and cells at the edge say it.
     at_edge: np.ndarray | None = None
+    # (T, RINGS) or None; animals per BL² by distance from a point of a body (`flockbrush.film.pair_density`); NaN where
+    # the pixels do not tell.  None: not measured.
+    pairs: np.ndarray | None = None
 
     def __post_init__(self):
         if self.speed is None:
@@ -86,6 +91,8 @@ class Fields:
             shapes["outline"] = (len(self.outline), 5)
         if self.at_edge is not None:
             shapes["at_edge"] = cells[:1]
+        if self.pairs is not None:
+            shapes["pairs"] = (*cells[:1], RINGS)
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
                 yield f"{name} has shape {np.shape(getattr(self, name))}, density asks for {shape}"
@@ -141,7 +148,8 @@ class Fields:
 
     def part(self, chosen) -> Fields:
         """A subset of the frames: a slice."""
-        rows = (*_GRIDS, "velocity", "count", "frames", *([] if self.at_edge is None else ["at_edge"]))
+        known = [name for name in ("at_edge", "pairs") if getattr(self, name) is not None]
+        rows = (*_GRIDS, "velocity", "count", "frames", *known)
         return replace(self, **{name: getattr(self, name)[chosen] for name in rows})
 
     def scaled(self, by: float) -> Fields:
@@ -155,6 +163,7 @@ class Fields:
             speed=np.asarray(self.speed) * by,
             speed_variance=self.speed_variance * by**2,
             outline=None if self.outline is None else np.asarray(self.outline) * [by, by, by, by, 1.0],
+            pairs=None if self.pairs is None else pairs_scaled(self.pairs, by),
         )
 
     def save(self, path):
@@ -299,12 +308,14 @@ class Evidence:
         fields_part = self.fields.part(chosen)
         if not len(fields_part):
             raise ValueError(f"none of the {len(self.fields)} frames of {self.name} is left")
-        seen = self.sightings.part(chosen) if self.sightings is not None else None
+        sightings = self.sightings.part(chosen) if self.sightings is not None else None
         speed = None
         if self.speed and len(fields_part) > 1:
-            speed = speed_evidence(fields_part, seen, self.speed.body_pixels, self.speed.smoothed)
+            speed = speed_evidence(fields_part, sightings, self.speed.body_pixels, self.speed.smoothed)
         camera = self.camera[chosen] if self.camera is not None else None
-        return replace(self, fields=fields_part, sightings=seen, speed=speed, camera=camera, notes=list(self.notes))
+        return replace(
+            self, fields=fields_part, sightings=sightings, speed=speed, camera=camera, notes=list(self.notes)
+        )
 
     def in_lengths_of(self, pixels: float) -> Evidence:
         """The same in body lengths of so many pixels of the clip (see `clip_body_px`)."""
@@ -353,17 +364,17 @@ class Evidence:
         data = read(path)
         if "clip.name" not in data:
             raise refused(path, "has only fields and no clip; make it with flockbrush fields CLIP")
-        made = {"fields": _fields(path, data)}
+        parts = {"fields": _fields(path, data)}
         with damage(path):
             if "sightings.xy" in data:
-                made["sightings"] = Sightings(**part_of(data, "sightings"))
+                parts["sightings"] = Sightings(**part_of(data, "sightings"))
             if "speed.mean" in data:
-                made["speed"] = SpeedEvidence.of_arrays(part_of(data, "speed"))
+                parts["speed"] = SpeedEvidence.of_arrays(part_of(data, "speed"))
             clip = part_of(data, "clip")
             clip["notes"] = [str(note) for note in json.loads(str(clip["notes"]))]
             if "picture" in clip:
                 clip["picture"] = unpacked(path, clip["picture"])
-            return Evidence(**clip, **made)
+            return Evidence(**clip, **parts)
 
 
 def halves(evidence: Evidence, share: float = 0.5) -> tuple[Evidence, Evidence]:

@@ -12,19 +12,19 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.files import refused
 from flockbrush.film.body_outlines import BodySize, areas_alone, bodies_of
 from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.camera_maps import Steady, after, back, zoom_of
 from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, outlined, painted, read_colours
 from flockbrush.film.clip_reader import Clip, Say, open_clip, silent
 from flockbrush.film.flow import Flow, gap_of
+from flockbrush.film.landmarks import Landmark
 from flockbrush.film.masks import BodyColours, colours_of
 from flockbrush.film.measured_size import scaled, size_in, too_small
 from flockbrush.film.media import read_picture
@@ -34,7 +34,7 @@ from flockbrush.film.several_kinds import sizes_told, speeds_told
 from flockbrush.film.sightings import UNKNOWN, SightingNoise, sightings_of
 from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
-from flockbrush.film.stabilise import GroundLandmark, follow_landmarks, register
+from flockbrush.film.stabilise import follow_landmarks, register
 
 SPECK = 0.3  # of one animal's pixels: smaller patches are not animals
 HERD = 0.1  # share of the pictures that animals cover, above which the ground is tracked again without them
@@ -132,21 +132,21 @@ class Watch:
         if larger > 1.1 * clip.scale:  # small animals: the pictures are made less small
             clip = open_clip(path, frames, say, min(LARGEST, round(larger * max(clip.full))))
             looks = _animals_in(clip, landmarks, body_colour, body_length_px, say)
-        steady, colours, size, length, apart, said = looks
+        steady, colours, size, length, apart, notes = looks
         cells = grid_over(clip.size, steady.maps, length, grid)
         obstacle = None if painted_on[0] is None else (painted_on[0].max(-1) > 127).astype(np.uint8)
         if obstacle is not None and obstacle.mean() > ROOMLESS:
-            raise _refused(obstacles, "is almost completely white; white means obstacle, black means ground")
+            raise refused(obstacles, "is almost completely white; white means obstacle, black means ground")
         numbers, kinds = (None, None) if painted_on[1] is None else read_colours(painted_on[1])
         if kinds is not None and len(kinds) > 32:
-            raise _refused(regions, f"has {len(kinds)} colours; use a few colours for the regions, without soft edges")
+            raise refused(regions, f"has {len(kinds)} colours; use a few colours for the regions, without soft edges")
         return Watch(
             clip, steady, colours, size, length, body_length_px is not None, cells,
             None if obstacle is None else cv2.resize(obstacle, clip.size, interpolation=cv2.INTER_NEAREST),
             None if obstacle is None else painted(obstacle, cells, clip.scale).astype(bool),
             None if obstacle is None else outlined(obstacle, cells, clip.scale),
             None if numbers is None else painted(numbers.astype(np.uint8), cells, clip.scale),
-            kinds, apart, clip.notes + steady.notes + said,
+            kinds, apart, clip.notes + steady.notes + notes,
         )  # fmt: skip
 
     def evidence(self, say: Say = silent, show=None) -> Evidence:
@@ -169,12 +169,12 @@ class Watch:
         speed = None if clip.still else speed_evidence(fields, sightings, self.size.area, smoothed)
         way = math.inf if speed is None else speed.mean * float(clip.times[-1] - clip.times[0])
         doubt = _doubt(way)
-        told = [f"unreliable: {doubt}"] if doubt else []
+        warnings = [f"unreliable: {doubt}"] if doubt else []
         return Evidence(
             name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.length,
             length_source="given" if self.given else "blobs", radius_bl=0.5 * self.size.width / self.size.length,
             fields=fields, sightings=sightings, speed=speed,
-            notes=self._notes(taken, way) + speeds_told(sightings, clip.fps) + told, doubt=doubt, picture=first,
+            notes=self._notes(taken, way) + speeds_told(sightings, clip.fps) + warnings, doubt=doubt, picture=first,
             to_pixels=self.grid.to_pixels, camera=self._camera(),
             region_colours=self.region_colours, place_noise=float(np.nan_to_num(noise.place)),
             heading_noise=float(np.nan_to_num(noise.heading)),
@@ -217,7 +217,7 @@ class _Taken:
 
     def __init__(self, watch: Watch, animals: bool):
         self.watch, self.clip, self.maps = watch, watch.clip, watch.steady.maps
-        self.collector = Collector(watch.grid, self.clip.size, watch.size.area)
+        self.collector = Collector(watch.grid, self.clip.size, watch.size.area, not animals)
         self.flow = Flow(self.clip.size, watch.size.length)
         self.gap = 0 if self.clip.still else min(self._gap(), len(self.clip) - 1)
         self.frames: dict[int, tuple] = {}
@@ -409,8 +409,8 @@ def _animals_in(clip, landmarks, body_colour, body_length_px, say):
     return _Looks(steady, colours, size, length, apart, plain + colours.notes + notes + too_small(clip, size))
 
 
-def _landmark(mark) -> GroundLandmark:
-    return mark if isinstance(mark, GroundLandmark) else GroundLandmark(int(mark[0]), *map(float, mark[1]))
+def _landmark(mark) -> Landmark:
+    return mark if isinstance(mark, Landmark) else Landmark(int(mark[0]), *map(float, mark[1]))
 
 
 def _steady(clip, landmarks, say):
@@ -460,15 +460,11 @@ def _mask_of(path, clip):
         return picture
     if abs(w / h - clip.full[0] / clip.full[1]) < 0.01:
         return cv2.resize(picture, clip.full, interpolation=cv2.INTER_NEAREST)
-    raise _refused(
+    raise refused(
         path,
         f"is {w} x {h} pixels, but the clip is {clip.full[0]} x {clip.full[1]}; paint the mask over a frame of "
         "the clip",
     )
-
-
-def _refused(path, message):
-    return ProblemsError([Problem(str(Path(path)), None, None, message)])
 
 
 __all__ = ["Glance", "Watch", "observe"]

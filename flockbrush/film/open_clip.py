@@ -50,7 +50,7 @@ def look_at(clip, how: Looking, show=None, quiet=False) -> Evidence:
         raise refused(clip, "is a video or picture: --unit and --fps can only be used with tracks")
     with progress(f"measuring {name}", 0 if quiet else 100) as bar:
 
-        def told(text, done, total):
+        def report(text, done, total):
             bar(100 * done / max(total, 1), f"{name}: {text}")
 
         return observe(
@@ -62,7 +62,7 @@ def look_at(clip, how: Looking, show=None, quiet=False) -> Evidence:
             grid=how.grid,
             obstacles=how.obstacles,
             regions=how.regions,
-            say=told,
+            say=report,
             **({} if show is None else {"show": show}),
         )
 
@@ -197,9 +197,9 @@ def pictures_of(clip, evidence: Evidence, chosen) -> tuple[dict[int, np.ndarray]
     numbers = evidence.fields.frames
     film = open_clip(clip, None if evidence.still else (int(numbers.min()), int(numbers.max())))
     place = {int(number): k for k, number in enumerate(film.numbers)}
-    wanted = {t: place[int(numbers[t])] for t in chosen if int(numbers[t]) in place}
-    read = dict(film.read(wanted.values()))
-    return {t: read[k] for t, k in wanted.items()}, film.scale
+    frame_of_time = {t: place[int(numbers[t])] for t in chosen if int(numbers[t]) in place}
+    read = dict(film.read(frame_of_time.values()))
+    return {t: read[k] for t, k in frame_of_time.items()}, film.scale
 
 
 def moving_pictures(clip, evidence: Evidence) -> tuple[Iterator[tuple[int, np.ndarray]], float]:

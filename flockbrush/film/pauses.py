@@ -90,14 +90,14 @@ def _valley(speed):
         return None
     count = np.histogram(np.minimum(speed, top), BINS, (0.0, top))[0].astype(float)
     count = np.convolve(np.pad(count, 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
-    found = None
+    valley = None
     for k in range(1, BINS // 2 + 2):
         low, high = count[:k].max(), count[k + 1 :].max()
-        if count[k] < VALLEY * min(low, high) and (found is None or count[k] < count[found]):
-            found = k
-    if found is None:
+        if count[k] < VALLEY * min(low, high) and (valley is None or count[k] < count[valley]):
+            valley = k
+    if valley is None:
         return None
-    slow = (found + 0.5) * top / BINS
+    slow = (valley + 0.5) * top / BINS
     stands = speed < slow
     if not SHARES[0] < stands.mean() < SHARES[1]:
         return None

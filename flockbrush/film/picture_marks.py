@@ -137,18 +137,22 @@ class PictureBook(Book):
         c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
         x, y = xy[:, 0] * s - xy[:, 1] * c, xy[:, 0] * c + xy[:, 1] * s
         names = [str(bird) for bird in birds]
-        seen = extract_frame(x, y, "0", names, SAMPLES if len(x) > ALL_UP_TO else None)
-        leader = int(seen.birds[seen.leader])
+        formation_frame = extract_frame(x, y, "0", names, SAMPLES if len(x) > ALL_UP_TO else None)
+        leader = int(formation_frame.birds[formation_frame.leader])
         curve = np.zeros((0, 2))
-        if seen.curve is not None:
-            near = np.delete(seen.x, seen.outliers) if seen.outliers else np.array(seen.x)
+        if formation_frame.curve is not None:
+            near = (
+                np.delete(formation_frame.x, formation_frame.outliers)
+                if formation_frame.outliers
+                else np.array(formation_frame.x)
+            )
             across = np.linspace(near.min() - 0.4, near.max() + 0.4, 161)
-            along = seen.curve.y(across)
+            along = formation_frame.curve.y(across)
             row = names.index(str(leader))
             across, along = across + x[row], along + y[row]
             curve = np.stack([across * s + along * c, across * c - along * s], axis=1) * span
-        outliers = frozenset(int(seen.birds[i]) for i in seen.outliers)
-        return MarkedShape(seen.kind, seen.why, curve, leader, outliers, turn)
+        outliers = frozenset(int(formation_frame.birds[i]) for i in formation_frame.outliers)
+        return MarkedShape(formation_frame.kind, formation_frame.why, curve, leader, outliers, turn)
 
     @staticmethod
     def _turn(xy, heading):
@@ -203,8 +207,8 @@ class PictureBook(Book):
 
     def _read_birds(self) -> Birds:
         """The birds that were saved before; all their pictures are then as a person left them."""
-        marks, said = read_marks(self.out, "up", self.wingspan)
-        if said["wingspan_px"] is None or not set(marks.frames) <= set(self.film.names):
+        marks, used = read_marks(self.out, "up", self.wingspan)
+        if used["wingspan_px"] is None or not set(marks.frames) <= set(self.film.names):
             why = "already exists and has no marks for these pictures; choose another name with --out"
             raise refused(self.out, why)
         numbers = {name: int(name) for name in marks.birds if name.isdecimal()}
@@ -212,12 +216,12 @@ class PictureBook(Book):
             raise refused(self.out, "has bird names that are not numbers; choose another name with --out")
         place = {name: k for k, name in enumerate(self.film.names)}
         ids = sorted(numbers.values())
-        px, told = np.full((len(place), len(ids), 2), np.nan), {}
+        px, corrections = np.full((len(place), len(ids), 2), np.nan), {}
         for name, xs, ys in zip(marks.frames, marks.x * self.wingspan, -marks.y * self.wingspan, strict=True):
             here = dict(zip((numbers[bird] for bird in marks.birds), zip(xs, ys, strict=True), strict=True))
             px[place[name]] = [here[bird] for bird in ids]
-            told[place[name]] = {bird: (float(x), float(y), False) for bird, (x, y) in sorted(here.items())}
-        birds = Birds(px, tuple(ids), told)
-        for k in sorted(told):
+            corrections[place[name]] = {bird: (float(x), float(y), False) for bird, (x, y) in sorted(here.items())}
+        birds = Birds(px, tuple(ids), corrections)
+        for k in sorted(corrections):
             birds = self._follower.follow(birds, k + 1)
         return birds

@@ -63,17 +63,17 @@ def speeds_told(sightings, fps) -> list[str]:
     usual = np.array([np.median(part) for part in parts if len(part) >= max(3, SECONDS * fps)])
     if not len(usual):
         return []
-    found = two_groups(usual[usual > max(STANDS * np.quantile(usual, 0.9), SLOWEST)])
-    if found is None:
+    groups = two_groups(usual[usual > max(STANDS * np.quantile(usual, 0.9), SLOWEST)])
+    if groups is None:
         return []
-    share, times = found
+    share, times = groups
     return [f"{share:.0%} of the moving animals are {times:.2g} times as fast as the others, {ADVICE}"]
 
 
 def sizes_told(areas) -> list[str]:
     """A sentence where the areas of bodies that stand alone are of two sizes."""
-    found = two_groups(areas) if len(areas) else None
-    if found is None:
+    groups = two_groups(areas) if len(areas) else None
+    if groups is None:
         return []
-    share, times = found
+    share, times = groups
     return [f"{share:.0%} of the bodies that stand alone have {times:.2g} times the area of the others, {ADVICE}"]

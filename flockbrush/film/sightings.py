@@ -1,12 +1,13 @@
-"""Bodies of many frames made into animals that go somewhere: heading, speed and turning of each, from short tracks.
+"""Tracks of animals from the bodies of all frames: position, heading, speed and rate of turning.
 
-Bodies are matched from frame to frame where each is foretold (`scipy.optimize.linear_sum_assignment` on those that are
-near; a body that is new is foretold by the flow of the picture, or by its neighbours).  Which end of a body is the head
-follows from where it goes: of all ways to give every body of a track a head, the one is taken that turns least and
-goes forwards most (Viterbi); of those that stand it is the end that looks like the heads of those that walk (`heads`).
-Heading and turning are then those of local polynomials through the *axes* of the bodies, which tell them far better
-than the places do: places that are .02 body lengths (BL) off make the rate of turning of a walk uncertain by some
-tenths of a radian a second, axes that are 1.5° off by a few hundredths.
+1. Bodies are matched from frame to frame near their predicted positions (`flockbrush.film.body_matching`). A new body
+   is predicted from the optical flow, or from the motion of its neighbours.
+2. The head end of each body is chosen: of all assignments of heads along a track, the one with the least turning and
+   the most forward motion (Viterbi algorithm [2]_). For animals that stand, the end that looks like the heads of
+   walking animals is chosen (`flockbrush.film.heads`).
+3. Heading and rate of turning come from local polynomials through the body *axes* [1]_. Axes are more accurate than
+   positions: an error of .02 body lengths (BL) in positions gives an error of some tenths of a radian per second in the
+   rate of turning of a walking animal, an error of 1.5° in axes only a few hundredths.
 
 References
 ----------
@@ -21,19 +22,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
+from flockbrush.film.body_matching import follow
 from flockbrush.film.heads import by_looks
 from flockbrush.film.observations import Sightings
 
-REACH = 0.65  # BL from where a followed animal is foretold
-REACH_NEW = 0.65  # BL from where a body seen for the first time is foretold
-ASIDE = 2.0  # a step off the body's own line counts so many times as long
-TURNED = 0.3  # BL that a body turned by a right angle counts
-GAP = 5  # frames an animal may go unseen within a track
 SHORTEST = 4  # sights: a shorter track is no animal
 HALF = 0.08  # s to each side over which a track is smoothed, at least
 LONGEST = 0.32  # s, at most
@@ -47,10 +40,10 @@ STILL = 0.25  # BL: an animal that moved less in all has a head at one end or th
 
 @dataclass(frozen=True)
 class SightingNoise:
-    """How far off the sightings of a clip are, standard deviations as measured on the tracks themselves.
+    """Standard deviations of the errors of the sightings of a clip, estimated from the tracks themselves.
 
-    Errors that last longer than some frames (a mask that lacks the heads, a drift of the stabilised picture) are not in
-    them.
+    Errors that last longer than a few frames are not included, for example those of a mask without the heads, or of a
+    drift in the stabilised picture.
     """
 
     xy: float  # BL, of a body before smoothing
@@ -67,17 +60,26 @@ UNKNOWN = SightingNoise(*[float("nan")] * 8)
 
 
 def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, SightingNoise]:
-    """The animals of a clip from the bodies of its frames.
+    """Sightings of the animals of a clip, from the bodies of its frames.
 
     Parameters
     ----------
     frames : list of Bodies
         One per frame, in pixels of the reference picture (see `Bodies.moved`).
     fps : float
+        Frames per second.
     to_bl : (2, 3) ndarray
-        From pixels of the reference picture to BL, y up.
+        Map from pixels of the reference picture to BL, y up.
     flow : list of (k, 2) ndarray, optional
-        For each frame and each of its bodies how far it moves to the next frame, px; NaN unknown.
+        For each frame, the motion of each of its bodies to the next frame, px; NaN where unknown.
+
+    Returns
+    -------
+    Sightings
+        Position (BL), heading (unit vectors), speed (BL/s) and rate of turning (rad/s) of each animal in each frame.
+        Of a single frame only positions and axes are known; the other values are NaN.
+    SightingNoise
+        `UNKNOWN` for a single frame, or where there are no tracks.
     """
     m = np.asarray(to_bl, float)
     scale = float(np.sqrt(abs(np.linalg.det(m[:, :2]))))
@@ -92,7 +94,10 @@ def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, SightingNois
 
 
 def _without_specks(names, xy, area, alone):
-    """The names, -1 for what is small, lies alone and never moves while the herd does: a speck of the ground."""
+    """The track numbers (list of (k,) int), with -1 for specks of the ground.
+
+    A speck is smaller than `SMALL` of the median area, touches no other body and never moves, while the herd moves.
+    """
     name = np.concatenate([*names, np.zeros(0, int)])
     if not len(name):
         return names
@@ -112,138 +117,15 @@ def _without_specks(names, xy, area, alone):
 
 
 def _alike(ends):
-    """Whether as much is known of the ends of all bodies."""
+    """Whether the same number of features is known of the ends of all bodies."""
     return len({e.shape[1] for e in ends}) == 1
-
-
-# following ----------------------------------------------------------------------------------------------------------
-
-
-def follow(xy, axis, moves=None) -> list[np.ndarray]:
-    """Numbers of the animals, (k,) for each frame; the same number is the same animal.
-
-    Parameters
-    ----------
-    xy, axis : list of (k, 2) ndarray
-        BL; unit vectors, heads unknown.
-    moves : list of (k, 2) ndarray, optional
-        BL that each body moves to the next frame, as far as known.
-    """
-    names = [np.full(len(p), -1) for p in xy]
-    known = _Known()
-    for t in range(len(xy)):
-        known.next(xy[t], axis[t], None if moves is None else moves[t], names[t])
-    return names
-
-
-class _Known:
-    """Those that are followed: where they are and go to, and for how long nobody has seen them."""
-
-    def __init__(self):
-        self.at, self.go, self.axis = np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2))
-        self.name, self.age, self.missed = (np.zeros(0, int) for _ in range(3))
-        self.count = 0
-
-    def next(self, xy, axis, moves, names):
-        """Match the bodies of the next frame, and write their names."""
-        ahead = self.at + self.go
-        mine, theirs = matched(ahead, self.axis, np.where(self.age > 1, REACH, REACH_NEW), xy, axis)
-        self._see(mine, theirs, xy, axis, moves, ahead, names)
-        new = np.setdiff1d(np.arange(len(xy)), theirs)
-        self._begin(new, xy, axis, moves, names)
-
-    def _see(self, mine, theirs, xy, axis, moves, ahead, names):
-        """Those that were found go on; the others are carried on for some frames."""
-        steps = (xy[theirs] - self.at[mine]) / (1 + self.missed[mine])[:, None]
-        gain = np.where(self.age[mine] > 3, 0.35, np.where(self.age[mine] > 1, 0.6, 1.0))[:, None]
-        self.go[mine] += gain * (steps - self.go[mine])
-        if moves is not None:
-            say = moves[theirs]
-            told = np.isfinite(say[:, 0])
-            self.go[mine[told]] += 0.3 * (say[told] - self.go[mine[told]])
-        lost = np.setdiff1d(np.arange(len(self.at)), mine)
-        self.at[lost] = ahead[lost]
-        self.missed[lost] += 1
-        self.at[mine], self.axis[mine] = xy[theirs], axis[theirs]
-        self.missed[mine] = 0
-        self.age[mine] += 1
-        names[theirs] = self.name[mine]
-        keep = (self.missed <= GAP) & ~((self.age < 2) & (self.missed > 1))
-        for name in ("at", "go", "axis", "name", "age", "missed"):
-            setattr(self, name, getattr(self, name)[keep])
-
-    def _begin(self, new, xy, axis, moves, names):
-        """Those nobody was foretold at begin, going as the picture flows or as those around them."""
-        go = self._as_neighbours(xy[new], axis[new])
-        if moves is not None:
-            told = np.isfinite(moves[new, 0])
-            go[told] = moves[new][told]
-        names[new] = np.arange(self.count, self.count + len(new))
-        self.count += len(new)
-        zero = np.zeros(len(new), int)
-        for name, value in (
-            ("at", xy[new]), ("go", go), ("axis", axis[new]), ("name", names[new]), ("age", zero + 1), ("missed", zero),
-        ):  # fmt: skip
-            setattr(self, name, np.concatenate([getattr(self, name), value]))
-
-    def _as_neighbours(self, xy, axis):
-        """Steps of the animals around that are known, those turned alike, (k, 2) BL."""
-        sure = self.age > 2
-        if not sure.any() or not len(xy):
-            return np.zeros((len(xy), 2))
-        d, who = cKDTree(self.at[sure]).query(xy, k=min(5, int(sure.sum())))
-        d, who = d.reshape(len(xy), -1), who.reshape(len(xy), -1)
-        alike = np.abs(np.einsum("ik,ijk->ij", axis, self.axis[sure][who])) > 0.9
-        weight = np.exp(-((d / 3.0) ** 2)) * alike
-        total = weight.sum(1, keepdims=True)
-        steps = np.einsum("ij,ijk->ik", weight, self.go[sure][who])
-        return np.where(total > 0.1, steps / np.maximum(total, 1e-9), 0.0)
-
-
-def matched(ahead, axis_of, reach, xy, axis):
-    """Pairs (rows of those foretold, rows of those seen) at least total cost, within reach."""
-    if not len(ahead) or not len(xy):
-        return np.zeros(0, int), np.zeros(0, int)
-    near = cKDTree(ahead).sparse_distance_matrix(cKDTree(xy), float(reach.max()), output_type="coo_matrix")
-    i, j = near.row, near.col
-    off = xy[j] - ahead[i]
-    along = (off * axis[j]).sum(1)
-    aside = np.sqrt(np.maximum((off**2).sum(1) - along**2, 0))
-    turned = np.abs(axis_of[i, 0] * axis[j, 1] - axis_of[i, 1] * axis[j, 0])
-    cost = np.sqrt(along**2 + (ASIDE * aside) ** 2 + (TURNED * turned) ** 2)
-    ok = cost < reach[i]
-    return _cheapest(i[ok], j[ok], cost[ok], len(ahead), len(xy))
-
-
-def _cheapest(i, j, cost, n, m):
-    """The assignment of least cost among pairs that are allowed, group by group of those that compete."""
-    if not len(i):
-        return np.zeros(0, int), np.zeros(0, int)
-    graph = coo_matrix((np.ones(len(i)), (i, n + j)), shape=(n + m, n + m))
-    group = connected_components(graph, directed=False)[1][i]
-    order = np.argsort(group, kind="stable")
-    rows, columns = [], []
-    for part in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
-        if len(part) == 1:
-            rows.append(i[part])
-            columns.append(j[part])
-            continue
-        a, ia = np.unique(i[part], return_inverse=True)
-        b, jb = np.unique(j[part], return_inverse=True)
-        table = np.full((len(a), len(b)), 1e3)
-        table[ia, jb] = cost[part]
-        r, c = linear_sum_assignment(table)
-        real = table[r, c] < 1e3
-        rows.append(a[r[real]])
-        columns.append(b[c[real]])
-    return np.concatenate(rows), np.concatenate(columns)
 
 
 # what they do -------------------------------------------------------------------------------------------------------
 
 
 def _animals(xy, axis, alone, ends, names, fps):
-    """Sightings and their noise from bodies with names."""
+    """Sightings and their noise, from bodies with track numbers."""
     count = len(xy)
     name = np.concatenate([*names, np.zeros(0, int)])
     frame = np.repeat(np.arange(count), [len(p) for p in xy])
@@ -262,7 +144,7 @@ def _animals(xy, axis, alone, ends, names, fps):
 
 
 def _at_rest(xy, axis, alone):
-    """Of one picture: everybody who lies clear of the others; which end is the head is not told, nor any motion."""
+    """Sightings of a single picture: bodies that touch no other; heads and motion are unknown (NaN)."""
     n, unknown = int(alone.sum()), np.full(int(alone.sum()), np.nan)
     return Sightings(np.array([0, n]), xy[alone], axis[alone], unknown, unknown.copy(), np.arange(n))
 
@@ -272,7 +154,23 @@ def _nobody(count):
 
 
 def _smoothed(frame, at, along, weight, ends, begin, count, fps):
-    """Sightings of tracks that lie one after the other."""
+    """Sightings and their noise, from tracks stored one after the other.
+
+    Parameters
+    ----------
+    frame : (k,) ndarray of int
+    at, along : (k, 2) ndarray
+        Positions (BL) and axes (unit vectors).
+    weight : (k,) ndarray
+        1 for bodies that touch no other, else .5.
+    ends : (k, m) ndarray
+        Features of the ends, see `Bodies.ends`.
+    begin : (tracks + 1,) ndarray
+        First row of each track, and the number of rows.
+    count : int
+        Frames of the clip.
+    fps : float
+    """
     if not len(frame):
         return _nobody(count), UNKNOWN
     noise_xy = max(_third(at[:, 0], frame, begin), _third(at[:, 1], frame, begin))
@@ -313,7 +211,7 @@ def _smoothed(frame, at, along, weight, ends, begin, count, fps):
 
 
 def _half(noise_axis, fps):
-    """Frames to each side to smooth over, so that the turning is certain enough."""
+    """Half-width of the smoothing window, frames: the least at which the error of turning is below `TURN_NOISE`."""
     least, most = max(2, round(HALF * fps)), max(2, round(LONGEST * fps))
     for half in range(least, most):
         n = 2 * half + 1
@@ -323,7 +221,10 @@ def _half(noise_axis, fps):
 
 
 def _third(values, frame, begin):
-    """Noise of single values by their third differences along tracks, which smooth motion hardly has."""
+    """Standard deviation of the noise of values along tracks, from their third differences; NaN without any.
+
+    Third differences of smooth motion are almost 0; the factor sqrt(20) is the norm of (1, -3, 3, -1).
+    """
     d = values[3:] - 3 * values[2:-1] + 3 * values[1:-2] - values[:-3]
     together = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
     ok = (together[3:] == together[:-3]) & (frame[3:] - frame[:-3] == 3)
@@ -331,42 +232,44 @@ def _third(values, frame, begin):
 
 
 def _present(frame, begin):
-    """Frames and tracks in which an animal is known to be: seen, or between two sights."""
+    """Frames and track numbers of all sightings, including those between two observations of a track."""
     frames = [np.arange(frame[a], frame[b - 1] + 1) for a, b in zip(begin[:-1], begin[1:], strict=True)]
     return np.concatenate(frames), np.repeat(np.arange(len(begin) - 1), [len(f) for f in frames])
 
 
 def _along_the_way(frame, at, along, begin, half, noise):
-    """The axes, with that of the way gone in place of one that lies across it, and where that is so, (k,) bool.
+    """Axes, replaced by the direction of motion where a fast animal seems to lie across it; and where (bool).
 
-    Animals that go fast go along their bodies: an axis across is that of two that touch, or of a round body.
+    A fast animal moves along its body. An axis across the motion comes from two bodies that touch, or from a round
+    body.
     """
     track = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
     row = np.arange(len(frame))
     low, high = np.maximum(row - half, begin[:-1][track]), np.minimum(row + half, begin[1:][track] - 1)
     way = at[high] - at[low]
-    gone = np.hypot(*way.T)
-    way = way / np.maximum(gone, 1e-12)[:, None]
-    fast = (gone > WALKED) & (gone > SURE_WAY * noise) & (frame[high] - frame[low] <= 2 * half)
+    distance = np.hypot(*way.T)
+    way = way / np.maximum(distance, 1e-12)[:, None]
+    fast = (distance > WALKED) & (distance > SURE_WAY * noise) & (frame[high] - frame[low] <= 2 * half)
     aside = fast & (np.abs((way * along).sum(1)) < ACROSS)
     return np.where(aside[:, None], way, along), aside
 
 
 @njit(cache=True, nogil=True)
 def _heads(at, along, begin, noise, looks, angle, moved):
-    """Headings of the bodies of each track, unwrapped, by the ends that turn least and go forwards most (Viterbi).
+    """Write the heading (rad, unwrapped) of each body into `angle`, and the distance covered (BL) into `moved`.
 
-    What the ends look like counts as well: the logarithm of how much likelier the axis points to the head.
+    Viterbi algorithm over the two possible heads of each body: the cost is 8 (1 - cos) for a turn between frames, minus
+    the normalised forward motion, minus half of `looks`, the log odds that the axis points to the head.
     """
     for track in range(len(begin) - 1):
         a, b = begin[track], begin[track + 1]
         back = np.zeros((b - a, 2), np.int64)
         cost = np.zeros(2)
-        gone = 0.0
+        distance = 0.0
         for k in range(a, b):
             lo, hi = max(a, k - 3), min(b - 1, k + 3)
             dx, dy = at[hi, 0] - at[lo, 0], at[hi, 1] - at[lo, 1]
-            gone = max(gone, np.hypot(at[k, 0] - at[a, 0], at[k, 1] - at[a, 1]))
+            distance = max(distance, np.hypot(at[k, 0] - at[a, 0], at[k, 1] - at[a, 1]))
             forwards = (dx * along[k, 0] + dy * along[k, 1]) / (2.5 * noise + 0.02)
             forwards = min(max(forwards, -4.0), 4.0)
             new = np.zeros(2)
@@ -387,15 +290,16 @@ def _heads(at, along, begin, noise, looks, angle, moved):
             s = back[k - a, s]
         for k in range(a + 1, b):
             angle[k] -= 2 * np.pi * np.round((angle[k] - angle[k - 1]) / (2 * np.pi))
-        moved[a:b] = gone
+        moved[a:b] = distance
 
 
 @njit(cache=True, nogil=True)
 def _local(frame, at, angle, weight, begin, half, far, out_frame, first, out):
-    """Places and headings by quadratics around every frame of every track, speeds by lines.
+    """Fit positions, headings and their rates around every frame of every track, into `out` (rows, 8).
 
-    Rows of ``out``: x, y, their rates a frame, heading, its rate, and by what the noise of one body is multiplied in
-    the rates of heading and of place.
+    Positions and headings are fitted by quadratics, velocities by lines, within `half` frames to each side; axes more
+    than `far` rad off the fit get almost no weight. Columns: x, y (BL), their rates (BL per frame), heading (rad), its
+    rate (rad per frame), and the factors by which noise of one body enters the rates of heading and of position.
     """
     for track in range(len(begin) - 1):
         a, b = begin[track], begin[track + 1]
@@ -447,7 +351,7 @@ def _local(frame, at, angle, weight, begin, half, far, out_frame, first, out):
 
 @njit(cache=True, nogil=True)
 def _slope(u, values):
-    """Slope of the line through points, and how much of the noise is in it."""
+    """Slope of the least-squares line through points, and the factor by which the noise of a value enters it."""
     off = u - u.mean()
     square = (off * off).sum()
     return (off * values).sum() / square, 1.0 / np.sqrt(square)
@@ -455,7 +359,7 @@ def _slope(u, values):
 
 @njit(cache=True, nogil=True)
 def _quadratic(u, values, w, n):
-    """Value and slope at 0 of the weighted quadratic through points, and how much of the noise is in the slope."""
+    """Value and slope at 0 of the weighted quadratic through points, and the factor of noise in the slope."""
     s0 = s1 = s2 = s3 = s4 = 0.0
     y0 = y1 = y2 = 0.0
     for k in range(n):

@@ -23,7 +23,7 @@ FAR = 3.5  # robust deviations: who is slower or faster still is held up or push
 CERTAIN = 0.6  # of the rate itself: a greater error and it is not told
 RATES = np.geomspace(0.05, 20.0, 240)  # 1/s that are tried
 USUAL = int(np.argmin(np.abs(RATES - 1.0)))  # row of the rate that is taken where the tracks do not tell one
-SMOOTHED = 0.25  # s over which speeds are averages unless told
+SMOOTHED = 0.25  # s over which speeds are averages by default
 CLEAR = 1.5  # times as long as the average are lags at which errors have gone: at the ends of tracks it is longer
 POINTS = 15  # into which such an average is cut
 
@@ -97,8 +97,8 @@ def _table(sightings):
 
 def _own(table):
     """The mean, and the difference of each animal's speed from the herd's at the time."""
-    here = np.isfinite(table)
-    count = here.sum(1)
+    known = np.isfinite(table)
+    count = known.sum(1)
     mean = np.nansum(table, 1) / np.maximum(count, 1)
     common = np.where(count >= 10, mean, np.nanmean(table))
     own = (table - common[:, None]) * np.sqrt(count / np.maximum(count - 1, 1))[:, None]
@@ -109,8 +109,8 @@ def _own(table):
 
 def _products(own, lags):
     """Sum and number of products of speeds so many frames apart, (lags, animals, 2)."""
-    filled, here = np.nan_to_num(own), np.isfinite(own).astype(float)
-    sums = [np.stack([(filled[:-k] * filled[k:]).sum(0), (here[:-k] * here[k:]).sum(0)], -1) for k in lags]
+    filled, known = np.nan_to_num(own), np.isfinite(own).astype(float)
+    sums = [np.stack([(filled[:-k] * filled[k:]).sum(0), (known[:-k] * known[k:]).sum(0)], -1) for k in lags]
     return np.array(sums).reshape(len(lags), own.shape[1], 2)
 
 

@@ -82,19 +82,19 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED) -
     SpeedEvidence or None
         None when nobody is seen to move or stand.
     """
-    there = fields.occupied & (fields.density > 0)
-    if not there.any():
+    occupied = fields.occupied & (fields.density > 0)
+    if not occupied.any():
         return None
     body_pixels = body_pixels if body_pixels >= 1 else 1.0  # also where it is not known: NaN
-    weight, speed = fields.density[there], fields.speed[there]
+    weight, speed = fields.density[occupied], fields.speed[occupied]
     mean = float(np.average(speed, weights=weight))
-    within = np.nan_to_num(fields.speed_variance[there])
+    within = np.nan_to_num(fields.speed_variance[occupied])
     pixel_deviation = float(np.sqrt(np.average(within + (speed - mean) ** 2, weights=weight)))
     pauses = None if sightings is None else pauses_of(sightings, fields.fps)
     if pauses is not None:
         sightings = replace(sightings, speed=np.where(sightings.speed >= pauses.slow, sightings.speed, np.nan))
     single = _of_animals(sightings, fields.fps, smoothed)
-    crowd = _crowd_of_fields(fields, there) if single is None else _crowd_of_animals(sightings)
+    crowd = _crowd_of_fields(fields, occupied) if single is None else _crowd_of_animals(sightings)
     return SpeedEvidence(
         mean=mean if single is None else float(single.mean),
         deviation=float(pixel_deviation / np.sqrt(body_pixels)) if single is None else float(single.spread),
@@ -141,13 +141,13 @@ def _crowd_of_animals(sightings):
     return crowd[known], speed[known], EVERY * trust(seen[known])
 
 
-def _crowd_of_fields(fields, there):
+def _crowd_of_fields(fields, occupied):
     """(crowding, speed, animals) of cells: the others within two body lengths, or within a larger cell."""
     reach = max(REACH, fields.cell / np.sqrt(np.pi))
     disc = _disc(reach / fields.cell)
     number = np.nan_to_num(fields.density) * fields.cell**2
     others = np.array([convolve(frame, disc, mode="constant") for frame in number]) - 1.0
-    return np.maximum(others[there], 0.0) / (np.pi * reach**2), np.asarray(fields.speed)[there], number[there]
+    return np.maximum(others[occupied], 0.0) / (np.pi * reach**2), np.asarray(fields.speed)[occupied], number[occupied]
 
 
 def _disc(radius, fine=9):

@@ -1,9 +1,9 @@
-"""A moving camera made to stand still: for each picture the map from its pixels to those of the first (eq. 1).
+"""Stabilise a moving camera: for each picture, the map from its pixels to those of the first picture (eq. 1).
 
-A map is a (2, 3) similarity: shift, rotation and zoom.  Without landmarks the ground itself is followed: corners of a
-key picture are found again in every picture that shares most of its ground, so errors add up only from one key picture
-to the next, and a camera that comes back finds the key picture it left.  With landmarks the rectangles a person drew
-are tracked (CSRT) forwards and backwards from their frames, and the maps are smoothed over nine frames as in the paper.
+A map is a (2, 3) similarity: shift, rotation and zoom. Without landmarks the ground itself is tracked: corners of a key
+picture are found in every picture that shows most of the same ground, so that errors add up only from one key picture
+to the next, and a camera that returns finds the old key picture. With landmarks, rectangles drawn by the user are
+tracked (CSRT) forwards and backwards from their frames, and the maps are smoothed over nine frames as in the paper.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 
 from flockbrush.film.camera_maps import LOST, Steady, after, back, fitted, joined_tracks, moved_by, scaled_maps, zoom_of
 from flockbrush.film.clip_reader import Clip, Say, silent
+from flockbrush.film.landmarks import csrt
 from flockbrush.film.observations import CannotObserve
 
 SIDE = 640  # px, the longer side of the pictures in which corners are followed
@@ -33,27 +34,12 @@ _CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.02)
 _LK = dict(winSize=(15, 15), maxLevel=3, criteria=_CRITERIA, minEigThreshold=1e-4)
 
 
-@dataclass(frozen=True)
-class GroundLandmark:
-    """A rectangle on the ground, in one frame of a clip."""
-
-    frame: int  # its number
-    # x, y, w, h: left, top, width and height, pixels of the clip
-    x: float
-    y: float
-    w: float
-    h: float
-
-
-# similarities ----------------------------------------------------------------------------
-
-
 # by the ground ---------------------------------------------------------------------------
 
 
 @dataclass
 class _Key:
-    """A picture whose corners others are compared with."""
+    """A key picture: other pictures are compared with its corners."""
 
     grey: np.ndarray
     corners: np.ndarray  # (n, 2) px
@@ -61,17 +47,20 @@ class _Key:
 
 
 def register(clip: Clip, animals=None, say: Say = silent) -> Steady:
-    """The maps of a clip from the ground it shows.
+    """The maps of a clip, from the ground that it shows.
 
     Parameters
     ----------
+    clip : Clip
     animals : callable, optional
-        (k, picture) -> (h, w) bool: where no corners are taken.
+        ``animals(k, picture)`` returns an (h, w) bool mask in which no corners are taken.
+    say : callable, optional
+        Called with a text, the pictures done and their number.
 
     Raises
     ------
     CannotObserve
-        When the ground of a picture is not found in those before.
+        When the ground of a picture cannot be found in those before.
     """
     scale = min(1.0, SIDE / max(clip.size))
     follower = _Follower(animals, scale)
@@ -89,14 +78,14 @@ def register(clip: Clip, animals=None, say: Say = silent) -> Steady:
 
 
 def _around(clip, k):
-    """The frames before and from the k-th, as options to try, where they are enough to be of use."""
+    """The frames before and after the k-th picture as --frames options, where there are at least `SHOT` of them."""
     n = clip.numbers
     parts = [f"--frames {n[a]}:{n[b - 1]}, or " for a, b in ((0, k), (k, len(n))) if b - a >= SHOT]
     return "".join(parts)
 
 
 class _Follower:
-    """Goes from picture to picture and knows where the camera is."""
+    """Tracks the ground from picture to picture; keeps the key pictures and the maps found so far."""
 
     def __init__(self, animals, scale):
         self.animals, self.scale = animals, scale
@@ -107,7 +96,7 @@ class _Follower:
         self.bare = False
 
     def step(self, k, picture) -> bool:
-        """Take the next picture; False when its ground is unknown."""
+        """Add the next picture; False when its ground cannot be found."""
         grey = _grey(picture, self.scale)
         if not self.maps:
             self.maps.append(np.eye(2, 3))
@@ -117,27 +106,39 @@ class _Follower:
         if self.bare:
             self.maps.append(np.eye(2, 3))
             return True
-        found = self._found(grey)
-        if found is None:
+        to_first = self._found(grey)
+        if to_first is None:
             return False
-        self.maps.append(found)
-        self.last = _Key(grey, np.empty((0, 2)), found)
+        self.maps.append(to_first)
+        self.last = _Key(grey, np.empty((0, 2)), to_first)
         self._choose_key(k, picture, grey)
         return True
 
     def _found(self, grey):
-        """The map of this picture to the first, or None; by the picture before where that shows more of its ground."""
-        found, agree = self._against(self.key, grey)
+        """The map of this picture to the first, or None.
+
+        If few corners of the key picture agree, the picture before is tried too, and becomes a key picture if it fits
+        better.
+        """
+        m, agree = self._against(self.key, grey)
         if agree < FEW and self.last.to_first is not self.key.to_first:
             last = _Key(self.last.grey, _corners(self.last.grey), self.last.to_first)
             again, better = self._against(last, grey)
             if better > BETTER * agree:
                 self.keys.append(last)
-                self.key, found = last, again
-        return found
+                self.key, m = last, again
+        return m
 
     def _against(self, key, grey):
-        """(Map of this picture to the first by one key picture, share of its corners that agree); (None, 0) unknown."""
+        """Match a picture with one key picture.
+
+        Returns
+        -------
+        (2, 3) ndarray or None
+            Map of the picture to the first.
+        float
+            Share of the corners that agree, 0 to 1.
+        """
         guess = after(back(key.to_first), self.maps[-1])  # this picture to the key, if the camera stood since
         best, most, off = None, 0.0, 0.0
         for attempt in (lambda: guess, lambda: _by_descriptors(grey, key.grey)):
@@ -145,15 +146,15 @@ class _Follower:
             if seen is None:
                 break
             for _ in range(2):
-                found, error, agree = _refined(key, grey, seen)
-                if found is None:
+                m, error, agree = _refined(key, grey, seen)
+                if m is None:
                     break
-                step = np.abs(moved_by(found, _frame(grey)) - moved_by(seen, _frame(grey))).max()
-                seen = found
+                step = np.abs(moved_by(m, _frame(grey)) - moved_by(seen, _frame(grey))).max()
+                seen = m
                 if step < 2.0:
                     break
-            if found is not None and agree > most:
-                best, most, off = after(key.to_first, found), agree, error
+            if m is not None and agree > most:
+                best, most, off = after(key.to_first, m), agree, error
             if most >= SCARCE:
                 break
         if best is not None:
@@ -161,7 +162,7 @@ class _Follower:
         return best, most
 
     def _choose_key(self, k, picture, grey):
-        """Stay with the key picture, go back to an older one, or make this one a key."""
+        """Keep the key picture, return to an older one, or make this picture a key picture."""
         if self._fit(self.key, self.maps[-1], grey) > 0:
             return
         others = [(self._fit(key, self.maps[-1], grey), i) for i, key in enumerate(self.keys)]
@@ -173,7 +174,7 @@ class _Follower:
 
     @staticmethod
     def _fit(key, to_first, grey):
-        """How far a key picture is from being left, above 0 while it serves."""
+        """Margin by which a key picture still fits: by shared corners, zoom and rotation; above 0 it is kept."""
         to_here = after(back(to_first), key.to_first)
         x, y = moved_by(to_here, key.corners).T
         h, w = grey.shape
@@ -182,7 +183,7 @@ class _Follower:
         return min(shared - SHARED, 1 - zoom / np.log(ZOOMED), 1 - turn / TURNED)
 
     def _new_key(self, k, picture, grey, to_first) -> _Key:
-        """The picture as the one to find the ground by, if it has enough corners; the key picture from now on."""
+        """Make this picture the key picture, if it has enough corners; returns the key picture."""
         away = self.animals(k, picture) if self.animals is not None else None
         corners = _corners(grey, away)
         if len(corners) >= 2 * LEAST or self.key is None:
@@ -191,7 +192,7 @@ class _Follower:
         return self.key
 
     def steady(self) -> Steady:
-        """What was found of all pictures."""
+        """The maps of all pictures, scaled to the size of the clip, with the residual and notes."""
         notes = []
         if self.bare:
             notes.append(
@@ -212,7 +213,7 @@ def _frame(grey):
 
 
 def _grey(picture, scale):
-    """Small, grey, and of even light and contrast, so that corners look the same when the exposure changes."""
+    """The picture in grey, reduced by `scale`, with local brightness and contrast made even."""
     grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     if scale != 1:
         grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
@@ -222,15 +223,15 @@ def _grey(picture, scale):
 
 
 def _corners(grey, away=None):
-    """Good corners from everywhere in a picture, (n, 2)."""
+    """Good corners to track, (n, 2) px, at most `IN_BUCKET` in each of 8 x 6 parts of the picture."""
     free = None
     if away is not None:
         wide = cv2.dilate(away.astype(np.uint8), np.ones((9, 9), np.uint8))
         free = 255 * (1 - cv2.resize(wide, grey.shape[::-1], interpolation=cv2.INTER_NEAREST))
-    found = cv2.goodFeaturesToTrack(grey, 2000, 0.002, 7, mask=free)
-    if found is None:
+    corners = cv2.goodFeaturesToTrack(grey, 2000, 0.002, 7, mask=free)
+    if corners is None:
         return np.empty((0, 2))
-    points = found.reshape(-1, 2)  # the best first
+    points = corners.reshape(-1, 2)  # the best first
     bucket = _bucket(points, grey.shape)
     order = np.argsort(bucket, kind="stable")
     begins = np.r_[0, np.flatnonzero(np.diff(bucket[order])) + 1]
@@ -246,7 +247,10 @@ def _bucket(points, shape):
 
 
 def _refined(key, grey, to_key):
-    """(map of the picture to the key, median error of the corners that agree, their share); None where few do."""
+    """Refine the map of a picture to a key picture by optical flow of its corners.
+
+    Returns the map, the median error (px) and the share of the corners that agree; None if fewer than `LEAST` do.
+    """
     h, w = key.grey.shape
     there = cv2.warpAffine(grey, to_key, (w, h), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = _within(moved_by(back(to_key), key.corners), grey.shape, 4)
@@ -271,22 +275,26 @@ def _within(points, shape, margin):
 
 
 def _consensus(seen, at, shape):
-    """(map from seen to at, who agrees) on which the corners of most of the picture agree: the ground, not the herd."""
+    """The similarity from `seen` to `at`, (n, 2) px each, on which corners of most of the picture agree.
+
+    RANSAC is run twice, the second time on the corners that disagree: of both maps the one whose corners cover more of
+    the picture is the ground, the other the herd. Returns the map and who agrees (n,), or None and None.
+    """
     best, chosen, wide = None, None, 0
     rest = np.ones(len(at), bool)
     for _ in range(2):
         if rest.sum() < LEAST:
             break
-        found, fine = cv2.estimateAffinePartial2D(
+        m, fine = cv2.estimateAffinePartial2D(
             seen[rest], at[rest], method=cv2.RANSAC, ransacReprojThreshold=NEAR, maxIters=500, confidence=0.995
         )
-        if found is None or fine.sum() < LEAST:
+        if m is None or fine.sum() < LEAST:
             break
         agree = np.zeros(len(at), bool)
         agree[np.flatnonzero(rest)[fine.ravel().astype(bool)]] = True
         covers = len(np.unique(_bucket(at[agree], shape)))
         if covers > wide:
-            best, chosen, wide = found, agree, covers
+            best, chosen, wide = m, agree, covers
         if agree.mean() > 0.7:
             break
         rest &= ~agree
@@ -296,7 +304,7 @@ def _consensus(seen, at, shape):
 
 
 def _firm(a, b):
-    """The similarity that most points agree on closely: those that are a little off count little."""
+    """Similarity of points a to b, (n, 2) px each, by iteratively reweighted least squares."""
     m = fitted(a, b)
     for _ in range(5):
         away = np.linalg.norm(moved_by(m, a) - b, axis=1)
@@ -305,7 +313,7 @@ def _firm(a, b):
 
 
 def _by_descriptors(grey, other):
-    """The map of a picture to another from SIFT corners, for large moves; None where too few agree."""
+    """The map of a picture to another from SIFT features, for large motion; None if fewer than `LEAST` agree."""
     sift = cv2.SIFT_create(1500, contrastThreshold=0.02)
     (pa, da), (pb, db) = sift.detectAndCompute(grey, None), sift.detectAndCompute(other, None)
     if da is None or db is None or min(len(da), len(db)) < LEAST:
@@ -316,8 +324,8 @@ def _by_descriptors(grey, other):
         return None
     a = np.array([pa[m.queryIdx].pt for m in pairs])
     b = np.array([pb[m.trainIdx].pt for m in pairs])
-    found, fine = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=3.0, maxIters=2000)
-    return found if found is not None and fine.sum() >= LEAST else None
+    similarity, fine = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=3.0, maxIters=2000)
+    return similarity if similarity is not None and fine.sum() >= LEAST else None
 
 
 # by landmarks ----------------------------------------------------------------------------
@@ -328,24 +336,27 @@ def follow_landmarks(clip: Clip, landmarks, say: Say = silent) -> Steady:
 
     Parameters
     ----------
+    clip : Clip
     landmarks : list of Landmark
-        Two different places turn and zoom best; the same place in two frames, or one alone, does too.
+        Two places far apart give rotation and zoom best. The same place in two frames, or a single one, works too.
+    say : callable, optional
+        Called with a text, the steps done and their number.
 
     Raises
     ------
     CannotObserve
-        When a rectangle is outside the picture or plain, or all are lost.
+        When a rectangle is outside the picture or has no corners, or when all are lost.
     """
     pictures = [_grey_and_colour(picture) for _, picture in clip.read()]
     begin = [_placed(clip, mark, pictures[0][0].shape) for mark in landmarks]
     done = [0] * len(landmarks)
 
     def track(i):
-        def told(count):
+        def report(count):
             done[i] = count
             say("tracking the landmarks", sum(done), len(pictures) * len(landmarks))
 
-        return _Track(clip, pictures, *begin[i], landmarks[i], told).followed()
+        return _Track(clip, pictures, *begin[i], landmarks[i], report).followed()
 
     with ThreadPoolExecutor(2) as pool:
         tracks = list(pool.map(track, range(len(landmarks))))
@@ -357,7 +368,7 @@ def _grey_and_colour(picture):
 
 
 def _placed(clip, mark, shape):
-    """(row of the landmark's frame, its rectangle in the pictures read)."""
+    """Row of the picture with a landmark, and its rectangle (x, y, w, h) in pixels of the pictures read."""
     rows = np.flatnonzero(clip.numbers == mark.frame)
     if not len(rows):
         raise CannotObserve(
@@ -376,66 +387,69 @@ def _placed(clip, mark, shape):
 
 
 class _Track:
-    """One landmark through all pictures."""
+    """Tracks one landmark through all pictures."""
 
-    def __init__(self, clip, pictures, row, rect, mark, told):
-        self.clip, self.pictures, self.row, self.rect, self.mark, self.told = clip, pictures, row, rect, mark, told
+    def __init__(self, clip, pictures, row, rect, mark, report):
+        self.clip, self.pictures, self.row, self.rect, self.mark, self.report = clip, pictures, row, rect, mark, report
         x, y, w, h = rect
         grey = pictures[row][0]
         patch = grey[y : y + h, x : x + w]
-        found = cv2.goodFeaturesToTrack(patch, 80, 0.01, 4)
-        if found is None or len(found) < 4:
+        corners = cv2.goodFeaturesToTrack(patch, 80, 0.01, 4)
+        if corners is None or len(corners) < 4:
             raise CannotObserve(
                 clip.name,
                 f"the landmark of frame {mark.frame} has no corners to track; draw it around something with corners "
                 "that does not move, such as a rock or a bush",
                 {"pictures": {f"frame {mark.frame}": pictures[row][1]}},
             )
-        self.points = found.reshape(-1, 2).astype(float) + (x, y)
+        self.points = corners.reshape(-1, 2).astype(float) + (x, y)
         self.maps = np.full((len(pictures), 2, 3), np.nan)  # from the landmark's own picture to each
         self.maps[row] = np.eye(2, 3)
         self.lost: list[int] = []
 
     def followed(self):
-        """This, with its maps filled forwards and backwards."""
+        """Fill the maps forwards and backwards from the frame of the landmark; returns self."""
         self.count = 1
         for rows in (range(self.row + 1, len(self.pictures)), range(self.row - 1, -1, -1)):
             self._go(rows)
         return self
 
     def _go(self, rows):
-        tracker = _csrt()
+        tracker = csrt()
         tracker.init(self.pictures[self.row][1], self.rect)
         guess, misses = np.eye(2, 3), 0
         for k in rows:
             fine, box = tracker.update(self.pictures[k][1])
-            found, alike = self._held(k, guess, box if fine else None)
-            misses = 0 if found is not None else misses + 1
+            m, alike = self._held(k, guess, box if fine else None)
+            misses = 0 if m is not None else misses + 1
             if misses >= LOST:
                 self.lost.append(k)
                 return
-            if found is not None:
-                guess = found
-                self.maps[k] = found
+            if m is not None:
+                guess = m
+                self.maps[k] = m
             self.count += 1
-            self.told(self.count)
+            self.report(self.count)
 
     def _held(self, k, guess, box):
-        """(map to picture k, correlation) from where it was and from where CSRT says it is; None where it is not."""
+        """Find the landmark in picture k, from its last map and from the box of CSRT.
+
+        Returns the map to picture k and the correlation with the first view; None and 0 where it is not found.
+        """
         grey = self.pictures[k][0]
         tries = [guess] if box is None else [_to_box(guess, self.rect, box), guess]
         for seen in tries:
-            found = self._refined(grey, seen)
-            if found is not None:
-                alike = self._alike(grey, found)
+            m = self._refined(grey, seen)
+            if m is not None:
+                alike = self._alike(grey, m)
                 if alike > ALIKE:
-                    return found, alike
+                    return m, alike
         if box is not None and self._alike(grey, tries[0]) > ALIKE:
             return tries[0], ALIKE
         return None, 0.0
 
     def _refined(self, grey, seen):
-        """The map refined by the corners in the rectangle, or None."""
+        """The map refined by optical flow of the corners in the rectangle; None when too few agree."""
         own = self.pictures[self.row][0]
         x, y, w, h = self.rect
         margin = 24
@@ -452,13 +466,13 @@ class _Track:
         if fine.sum() < 4:
             return None
         a, b = at[fine, 0].astype(float), now[fine, 0].astype(float)
-        found, agree = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=NEAR)
-        if found is None or agree.sum() < max(4, 0.3 * len(at)) or not 0.7 < zoom_of(found) < 1.4:
+        m, agree = cv2.estimateAffinePartial2D(a, b, method=cv2.RANSAC, ransacReprojThreshold=NEAR)
+        if m is None or agree.sum() < max(4, 0.3 * len(at)) or not 0.7 < zoom_of(m) < 1.4:
             return None
-        return after(to_here, after(found, back(cut)))
+        return after(to_here, after(m, back(cut)))
 
     def _alike(self, grey, m):
-        """Correlation of the rectangle's content with that of picture k under a map."""
+        """Correlation of the content of the rectangle with that of picture k under a map, -1 to 1."""
         x, y, w, h = self.rect
         corners = moved_by(m, [(x, y), (x + w, y), (x, y + h), (x + w, y + h)])
         if not _within(corners, grey.shape, -2).all():
@@ -470,19 +484,11 @@ class _Track:
         return float((a * b).sum() / max(np.sqrt((a * a).sum() * (b * b).sum()), 1e-6))
 
 
-def _csrt():
-    """A CSRT tracker that is quick enough for two rectangles on two cores."""
-    params = cv2.TrackerCSRT_Params()
-    params.template_size = 120
-    params.number_of_scales = 17
-    return cv2.TrackerCSRT_create(params)
-
-
 def _to_box(guess, rect, box):
-    """The guess, shifted and zoomed so that the rectangle's middle is that of CSRT's box."""
+    """The map, shifted so that the middle of the rectangle is at the middle of the box found by CSRT."""
     x, y, w, h = rect
     middle = np.array([x + w / 2, y + h / 2])
     now = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
-    made = guess.copy()
-    made[:, 2] = now - made[:, :2] @ middle
-    return made
+    shifted = guess.copy()
+    shifted[:, 2] = now - shifted[:, :2] @ middle
+    return shifted

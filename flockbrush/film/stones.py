@@ -1,4 +1,4 @@
-"""Stones: patches of the ground that have colours of animals but stand out less than animals do."""
+"""Stones: patches of ground in the colours of animals that contrast less with the ground than animals do."""
 
 from __future__ import annotations
 
@@ -12,22 +12,23 @@ FAINT = 0.75  # of the way from the ground's colour to an animal's: what is near
 
 
 def faint_patches(ground, coloured, body, area):
-    """Patches of at most `LARGEST` bodies that differ less from the ground around them than a body does.
+    """Patches of at most `LARGEST` bodies that differ less from the ground around them than an animal does.
 
     Parameters
     ----------
     ground : (h, w, 3) ndarray
-        The median of the stabilised clip, BGR.
+        Median of the stabilised pictures, BGR.
     coloured : (h, w) uint8 ndarray
-        1 where it has colours of animals.
+        1 where the ground has colours of animals.
     body : (3,) ndarray
-        Blue, green, red of what stands out most of an animal.
+        Colour of the brightest or darkest part of an animal, as from `bright_colour`: blue, green, red.
     area : float
-        Of one animal, px of ``ground``.
+        Area of an animal, px of `ground`.
 
     Returns
     -------
     (h, w) uint8 ndarray
+        1 on stones.
     """
     count, labels, stats, _ = cv2.connectedComponentsWithStats(coloured, connectivity=8)
     faint = np.zeros_like(coloured)
@@ -47,17 +48,22 @@ def faint_patches(ground, coloured, body, area):
 
 
 def bright_colour(pictures, ground, coloured, still):
-    """Red, green, blue of what stands out most among animals that move away; None where hardly any does.
+    """The colour of the part of moving animals that differs most from the ground.
 
     Parameters
     ----------
     pictures : (m, h, w, 3) uint8 ndarray
-        Pictures of the clip, laid on the ground, BGR.
+        Stabilised pictures, BGR.
     ground : (h, w, 3) uint8 ndarray
     coloured : (m, h, w) bool ndarray
-        Where the pictures have colours of animals.
+        Pixels in colours of animals.
     still : (h, w) uint8 ndarray
-        1 where the ground has them.
+        1 where the ground has colours of animals.
+
+    Returns
+    -------
+    (int, int, int) or None
+        Red, green, blue; None if less than `MOVING` of the coloured pixels move.
     """
     chosen = coloured & ~(cv2.dilate(still, np.ones((5, 5), np.uint8)) > 0)
     if chosen.sum() < MOVING * max(coloured.sum(), 1):

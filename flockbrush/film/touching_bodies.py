@@ -1,4 +1,10 @@
-"""Bodies that touch, told apart by outlines that fit them."""
+"""Separate bodies that touch in a mask: capsules of the usual size are fitted to the pixels of a crowd.
+
+1. A capsule is tried at every inner pixel and `ANGLES` directions; its score is the mean evidence inside, minus half of
+   that in a ring around it, plus a bonus where a body was in the frame before.
+2. Capsules are accepted from the best score down, if enough of their pixels belong to no other.
+3. Like k-means, each pixel is assigned to the nearest capsule and each capsule is moved to its pixels, `ROUNDS` times.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +27,24 @@ WANDERS = 0.12  # of a length: how far it may have gone since for that to count
 
 
 def parted_bodies(crowd, size, picture, before=None):
-    """The bodies of a mask in which they touch."""
+    """The bodies of a mask in which they touch.
+
+    Parameters
+    ----------
+    crowd : (h, w) uint8 ndarray
+        1 on the animals.
+    size : BodySize
+        Usual length, width (px) and area (px²) of a body.
+    picture : (h, w) or (h, w, 3) ndarray, optional
+        Its contrast shows the backs of animals and the seams between them.
+    before : Bodies, optional
+        Bodies of the frame before, in the same pixels.
+
+    Returns
+    -------
+    Bodies
+        In pixels of the mask; heads are unknown.
+    """
     y0, x0, crowd = _cut(crowd, size)
     shrink = min(1.0, FINE / size.length)
     small = _resized(crowd.astype(np.float32), shrink)
@@ -48,7 +71,7 @@ def parted_bodies(crowd, size, picture, before=None):
 
 
 def _cut(mask, size):
-    """The part of a mask that holds anything, with a border of nothing as wide as a body, and where it begins."""
+    """The bounding box of a mask with a wide empty border: its top row, left column and pixels."""
     border = int(np.ceil(1.2 * size.length)) + 2
     x, y, w, h = cv2.boundingRect(mask)
     part = mask[y : y + h, x : x + w]
@@ -64,7 +87,7 @@ def _resized(image, by):
 
 
 def _contrast(picture, mask, size):
-    """How much like a back of an animal, and not like a seam, each pixel is, (h, w) float32 in 0 to 1."""
+    """Evidence (h, w), 0 to 1, that a pixel is on the back of an animal and not on a seam between two of them."""
     grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     grey = grey.astype(np.float32)
     ring = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > mask
@@ -77,7 +100,7 @@ def _contrast(picture, mask, size):
 
 
 def _likely(before, shape, shrink, corner, long):
-    """How likely a body lies where one lay before, (h, w) float32, 0 to 1, and its angle there, (h, w) float32 rad."""
+    """Weight (h, w), 0 to 1, of a body where one was in the frame before, and the angle it had there (h, w), rad."""
     likely, angle = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     if before is None:
         return likely, angle
@@ -85,20 +108,20 @@ def _likely(before, shape, shrink, corner, long):
         reach = int(np.ceil(3 * WANDERS * long))
         rows = slice(max(0, int(y) - reach), max(0, int(y) + reach + 1))
         columns = slice(max(0, int(x) - reach), max(0, int(x) + reach + 1))
-        here = likely[rows, columns]
-        if not here.size:
+        probabilities = likely[rows, columns]
+        if not probabilities.size:
             continue
-        down = np.arange(rows.start, rows.start + here.shape[0])[:, None] + 0.5 - y
-        right = np.arange(columns.start, columns.start + here.shape[1]) + 0.5 - x
+        down = np.arange(rows.start, rows.start + probabilities.shape[0])[:, None] + 0.5 - y
+        right = np.arange(columns.start, columns.start + probabilities.shape[1]) + 0.5 - x
         along, across = c * right + s * down, c * down - s * right
         own = np.exp(-0.5 * ((along / (WANDERS * long)) ** 2 + (across / (0.5 * WANDERS * long)) ** 2))
-        angle[rows, columns] = np.where(own > here, np.arctan2(s, c), angle[rows, columns])
-        likely[rows, columns] = np.maximum(here, own)
+        angle[rows, columns] = np.where(own > probabilities, np.arctan2(s, c), angle[rows, columns])
+        likely[rows, columns] = np.maximum(probabilities, own)
     return likely, angle
 
 
 def _placed(solid, evidence, long, wide, likely):
-    """Capsules that cover the animals without lying on each other, (k, 3): x, y, angle."""
+    """Capsules that cover the animals without overlapping much, (k, 3): x, y (px) and angle (rad)."""
     inside, ring = _stamps(long, wide)
     depth = cv2.distanceTransform((solid > 0.5).astype(np.uint8), cv2.DIST_L2, 3)
     places = np.argwhere(depth >= 0.3 * wide).astype(np.int32)
@@ -116,7 +139,7 @@ def _placed(solid, evidence, long, wide, likely):
 
 @lru_cache(maxsize=16)
 def _stamps(long, wide):
-    """Pixels of a capsule and of the rim around it, rows and columns from its middle: (ANGLES, k, 2) each."""
+    """Pixel offsets (row, column) of a capsule and of the ring around it, (ANGLES, k, 2) int32 each."""
     reach = int(np.ceil(0.5 * long + 0.35 * wide)) + 1
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1].astype(float)
     inside, ring = [], []
@@ -133,17 +156,17 @@ def _stamps(long, wide):
 
 
 def _number(long, wide, more):
-    """Pixels of a capsule that is wider all around by so much of its width."""
+    """Number of pixels of a capsule, widened all around by `more` of its width."""
     r = 0.5 * wide + more * wide
     return max(1, round(np.pi * r * r + 2 * r * (long - wide)))
 
 
 @njit(cache=True, nogil=True)
 def _tried(evidence, places, inside, ring, likely, lay, score, angle):
-    """The best angle of a capsule at each place, and how well it fits: animal inside, ground around.
+    """Write the best score of a capsule at each place, and its angle, into `score` and `angle`.
 
-    Who lay there before, as likely and at the angle given, counts too.  Places and pixels of capsules are numbers of
-    pixels of the picture, row after row.
+    `likely` and `lay` are the weight and the angle of a body of the frame before. Places and offsets count the pixels
+    of the flattened picture.
     """
     for i in range(len(places)):
         at = places[i]
@@ -163,7 +186,7 @@ def _tried(evidence, places, inside, ring, likely, lay, score, angle):
 
 @njit(cache=True, nogil=True)
 def _chosen(solid, places, angle, inside, free, full):
-    """Which capsules are kept, the best first, if enough of each is animal and not yet another's."""
+    """Which capsules (bool) are accepted, in order: enough pixels are animal (`full`) and not yet taken (`free`)."""
     taken = np.zeros(solid.shape, np.bool_)
     chosen = np.zeros(len(places), np.bool_)
     for i in range(len(places)):
@@ -184,7 +207,15 @@ def _chosen(solid, places, angle, inside, free, full):
 
 @njit(cache=True, nogil=True)
 def _settled(solid, at, half, radius):
-    """Capsules moved to the pixels that are nearest to each, some times: their sums (k, 6), and whose each pixel is."""
+    """Move capsules to their nearest pixels, `ROUNDS` times (k-means).
+
+    Returns
+    -------
+    (k, 6) ndarray
+        Sums of weight, x, y, x², y² and xy of the pixels of each capsule.
+    (h, w) int32 ndarray
+        Capsule of each pixel; -1 for none.
+    """
     n = len(at)
     h, w = solid.shape
     x, y, c, s = at[:, 0].copy(), at[:, 1].copy(), np.cos(at[:, 2]), np.sin(at[:, 2])

@@ -1,4 +1,4 @@
-"""Formats of tracks that hold arrays: NumPy, netCDF of movement, analysis HDF5 of SLEAP."""
+"""Formats of tracks that store arrays: NumPy, netCDF of movement, analysis HDF5 of SLEAP."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CHUNK = 64 * limits.MIB  # bytes of a packed block; HDF5 unpacks one whole, what
 
 
 def numpy_array(path) -> TrackTable:
-    """An npy array (frames, animals, 2), NaN where an animal is not seen."""
+    """Tracks from an npy array (frames, animals, 2); NaN where an animal was not seen. ProblemsError."""
     with open(path, "rb") as file:
         if file.read(6) != b"\x93NUMPY":
             raise refused(path, "is not an npy file")
@@ -39,15 +39,15 @@ def _hdf5(path):
 
 
 def movement_netcdf(path) -> TrackTable:
-    """netCDF as the package movement has it: position (time, space, [keypoints], individuals)."""
+    """Tracks from netCDF of the package movement: position (time, space, [keypoints], individuals). ProblemsError."""
     with _hdf5(path) as data:
         if "position" not in data.variables:
             raise refused(path, "has no variable position, as files of movement have")
         position = data["position"]
         sizes = dict(zip(position.dimensions, position.shape, strict=True))
         if "time" not in sizes or sizes.get("space", 0) < 2:
-            told = ", ".join(f"{name} {size}" for name, size in sizes.items())
-            raise refused(path, f"its position has the dimensions {told}, without time or a space dimension of size 2")
+            shape = ", ".join(f"{name} {size}" for name, size in sizes.items())
+            raise refused(path, f"its position has the dimensions {shape}, without time or a space dimension of size 2")
         check_size(path, sizes["time"], sizes.get("individuals", 1))
         order = [position.dimensions.index(n) for n in ("time", "individuals", "keypoints", "space") if n in sizes]
         if len(order) < len(sizes):

@@ -1,4 +1,4 @@
-"""Tracking birds: a film of the sky becomes a table of who was where."""
+"""Track birds in a video of the sky, and write their positions as a table."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from flockbrush.runs.terminal import INTERRUPTED, print_json, progress, say, sho
 
 
 def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=False) -> int:
-    """Follow the birds of a film and write ``frame,id,x,y``; the exit code.
+    """Track the birds of a video, write ``frame,id,x,y`` (px) and return the exit code.
 
     Parameters
     ----------
     clip, out : path
     seed_points, correct : path, optional
-        Tables with ``frame,id,x,y``: birds as a person knows them, and as a person puts them right.
+        Tables with ``frame,id,x,y``: birds marked by hand, and corrections of tracks.
     reach : float, optional
-        How far from where it was foretold a bird may turn up in the next frame, pixels.
+        Largest distance of a bird from its predicted position in the next frame, px.
+    as_json : bool
 
     Raises
     ------
     ProblemsError
-        When the film cannot be read or has no birds.
+        When the video cannot be read or shows no birds.
     """
     inputs = [path for path in (clip, seed_points, correct) if path is not None]
     with claimed([out], inputs):
@@ -78,18 +79,18 @@ def _follow(clip, tracker):
 
 
 def _steps(film, tracker, total):
-    done = 0
+    frames_done = 0
     with progress("tracking birds", total) as bar:
         try:
             while True:
                 image = film.read()
                 if image is None:
-                    return done, False
+                    return frames_done, False
                 tracker.step(image)
-                done += 1
-                bar(done)
+                frames_done += 1
+                bar(frames_done)
         except KeyboardInterrupt:  # what was followed so far is worth keeping
-            return done, True
+            return frames_done, True
 
 
 def table_of(tracks: Tracks) -> str:

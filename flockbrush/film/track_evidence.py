@@ -1,9 +1,10 @@
-"""From tracks to what learning needs: smooth paths, headings, speeds, rates of turning and fields on a grid.
+"""Evidence for learning from tracks: smooth paths, headings, speeds, rates of turning, and fields on a grid.
 
-Places are smoothed through noise and short gaps (`flockbrush.film.tracks.smoothed`: Whittaker's smoother, one stiffness
-for all animals by generalised cross-validation).  Where the file has no headings, an animal heads where it goes; while
-it is slower than its noise it keeps the heading it had.  How uncertain places and headings are is measured by a
-parametric bootstrap: noise of the estimated size is laid on the smooth paths, which are smoothed again.
+Positions are smoothed through noise and short gaps (`flockbrush.film.tracks.smoothed`: Whittaker's smoother, with one
+stiffness for all animals by generalised cross-validation). If the file has no headings, an animal heads in its
+direction of motion; while its speed is below the noise, it keeps its last heading. The uncertainty of positions and
+headings is estimated by a parametric bootstrap: noise of the estimated size is added to the smooth paths, which are
+smoothed again.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from flockbrush.film.several_kinds import speeds_told
 from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
 from flockbrush.film.track_files import Trajectories
-from flockbrush.film.tracks import Tracks, smoothed
+from flockbrush.film.tracks import Tracks, central_differences, smoothed
 
 GAP = 1.0  # s, and at least so many frames: an animal that is away for longer is another animal afterwards
 GAP_FRAMES = 5
@@ -40,19 +41,27 @@ USUAL_LENGTH_M = 1.0
 
 
 def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> Evidence:
-    """What tracks tell of a herd.
+    """The evidence of a herd in its tracks.
 
     Parameters
     ----------
+    tracks : Trajectories
     length : float
-        One body length in the unit of the tracks.
+        Body length in the unit of the tracks.
     grid : int
-        Cells across the longer side of the ground.
+        Cells along the longer side of the ground.
+
+    Returns
+    -------
+    Evidence
+        In body lengths and seconds.
 
     Raises
     ------
     CannotObserve
-        When there are too few frames or animals.
+        When there are fewer than `SHORTEST` frames or `FEWEST` animals.
+    ProblemsError
+        When the body length is not positive.
     """
     if not (math.isfinite(length) and length > 0):
         raise refused(tracks.name, f"a body length must be above 0 {tracks.unit}, got {length:g}")
@@ -91,14 +100,14 @@ class _Pieces:
 
 def _pieces(tracks, length):
     """Each track cut at its long gaps."""
-    seen, most = tracks.seen, max(GAP_FRAMES, round(GAP * tracks.fps))
+    has_place, most = tracks.seen, max(GAP_FRAMES, round(GAP * tracks.fps))
     spans = []
-    for animal in range(seen.shape[1]):
-        rows = np.flatnonzero(seen[:, animal])
+    for animal in range(has_place.shape[1]):
+        rows = np.flatnonzero(has_place[:, animal])
         for part in np.split(rows, np.flatnonzero(np.diff(rows) > most) + 1):
             if len(part) >= SHORTEST:
                 spans.append((animal, part))
-    xy = np.full((len(seen), len(spans), 2), np.nan)
+    xy = np.full((len(has_place), len(spans), 2), np.nan)
     heading = None if tracks.heading is None else np.full(xy.shape[:2], np.nan)
     gaps = 0
     for k, (animal, rows) in enumerate(spans):
@@ -124,38 +133,28 @@ class _Motion:
 
     @classmethod
     def of(cls, pieces, fps):
-        found = smoothed(Tracks(pieces.xy, np.arange(pieces.xy.shape[1])))
-        velocity = _rate(found.px) * fps
-        again = _again(pieces, found)
-        off, other = again - found.px, _rate(again) * fps
+        paths = smoothed(Tracks(pieces.xy, np.arange(pieces.xy.shape[1])))
+        velocity = central_differences(paths.px) * fps
+        again = _again(pieces, paths)
+        off, other = again - paths.px, central_differences(again) * fps
         slow = max(SLOW * _spread(other - velocity), SLOWEST)
         angle, sure = _headings(pieces, velocity, slow)
         apart = _wrapped(np.arctan2(other[..., 1], other[..., 0]) - np.arctan2(velocity[..., 1], velocity[..., 0]))
         fast = np.hypot(velocity[..., 0], velocity[..., 1]) > slow
-        turn = np.where(sure, _rate(angle) * fps, np.nan)
-        window = max(SMOOTHED, 2.0 * found.stiffness ** (1 / 6) / fps)
+        turn = np.where(sure, central_differences(angle) * fps, np.nan)
+        window = max(SMOOTHED, 2.0 * paths.stiffness ** (1 / 6) / fps)
         return cls(
-            found.px, velocity, angle, turn, found.noise, _spread(off),
+            paths.px, velocity, angle, turn, paths.noise, _spread(off),
             float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window),
         )  # fmt: skip
 
 
-def _rate(values):
-    """Differences from frame to frame, central where both neighbours are known."""
-    ahead = np.full(values.shape, np.nan)
-    ahead[:-1] = values[1:] - values[:-1]
-    back = np.full(values.shape, np.nan)
-    back[1:] = ahead[:-1]
-    both = 0.5 * (ahead + back)
-    return np.where(np.isfinite(both), both, np.where(np.isfinite(ahead), ahead, back))
-
-
-def _again(pieces, found):
+def _again(pieces, paths):
     """The paths smoothed again with noise of the estimated size: a parametric bootstrap."""
     rng = np.random.default_rng(51)
-    shaken = found.px + found.noise * rng.normal(size=found.px.shape)
+    shaken = paths.px + paths.noise * rng.normal(size=paths.px.shape)
     shaken[~np.isfinite(pieces.xy).all(-1)] = np.nan
-    return smoothed(Tracks(shaken, np.arange(shaken.shape[1])), found.stiffness).px
+    return smoothed(Tracks(shaken, np.arange(shaken.shape[1])), paths.stiffness).px
 
 
 def _spread(values):
@@ -169,7 +168,11 @@ def _wrapped(angle):
 
 
 def _headings(pieces, velocity, slow):
-    """(angle (T, P) unwrapped, whether it was seen): of the file, else where an animal goes, else as it was."""
+    """Heading angle (T, P), rad, unwrapped, and whether it was observed (T, P).
+
+    From the file if it has headings, else from the direction of motion; below the speed `slow` the last heading is
+    kept.
+    """
     there = np.isfinite(velocity[..., 0])
     if pieces.heading is not None:
         angle, sure = pieces.heading.copy(), np.isfinite(pieces.heading)
@@ -188,7 +191,7 @@ def _headings(pieces, velocity, slow):
 
 
 def _missing_places(tracks, pieces, motion, length):
-    """(T, A, 2) where animals are thought to be in frames in which they are missing, BL."""
+    """Estimated positions (T, A, 2), BL, of animals in frames in which they are missing."""
     here, there = np.isfinite(motion.xy[..., 0]), np.zeros(tracks.seen.shape, bool)
     for k, animal in enumerate(pieces.animal):
         there[:, animal] |= here[:, k]
@@ -196,32 +199,32 @@ def _missing_places(tracks, pieces, motion, length):
 
 
 def _sightings(pieces, motion, around):
-    """(Sightings, (m, 2) velocities in the same order)."""
-    there = np.isfinite(motion.xy[..., 0])
-    angle = motion.angle[there]
+    """Sightings of all pieces, and their velocities (m, 2) BL/s in the same order."""
+    known = np.isfinite(motion.xy[..., 0])
+    angle = motion.angle[known]
     forward = np.column_stack([np.cos(angle), np.sin(angle)])
-    velocity = motion.velocity[there]
+    velocity = motion.velocity[known]
     speed = np.maximum((velocity * forward).sum(1), 0.0)
-    track = np.broadcast_to(np.arange(there.shape[1]), there.shape)[there]
-    first = np.concatenate([[0], np.cumsum(there.sum(1))])
-    seen = Sightings(
-        first, motion.xy[there], forward, speed, motion.turn[there], track.astype(np.int64), around[there]
+    track = np.broadcast_to(np.arange(known.shape[1]), known.shape)[known]
+    first = np.concatenate([[0], np.cumsum(known.sum(1))])
+    sightings = Sightings(
+        first, motion.xy[known], forward, speed, motion.turn[known], track.astype(np.int64), around[known]
     )  # fmt: skip
-    return seen, velocity
+    return sightings, velocity
 
 
 # fields ---------------------------------------------------------------------------------------------
 
 
-def _fields(tracks, missing, seen, velocity, grid):
-    """The fields of all animals; a herd that comes and goes fills the grid, a whole one has room around it.
+def _fields(tracks, missing, sightings, velocity, grid):
+    """The fields of all animals, on ground with a margin if the whole herd is always visible.
 
-    Density and number count missing animals, too, on the ground where animals are seen; velocities are of those seen.
+    Missing animals count in density and number where animals are seen; velocities are of visible animals only.
     """
-    low, high = seen.xy.min(0), seen.xy.max(0)
+    low, high = sightings.xy.min(0), sightings.xy.max(0)
     on_ground = ((missing >= low) & (missing <= high)).all(-1)
     gone, hidden = np.nonzero(on_ground)[0], missing[on_ground]
-    here = np.diff(seen.first) + on_ground.sum(1)
+    here = np.diff(sightings.first) + on_ground.sum(1)
     if here.min() >= WHOLE * here.max():
         room = max(1.2 * float((high - low).max()) / (grid - 2.4), EDGE)
     else:
@@ -229,13 +232,13 @@ def _fields(tracks, missing, seen, velocity, grid):
     low, high = low - room, high + room
     cell = float(max((high - low).max() / grid, 0.1))
     nx, ny = np.maximum(np.ceil((high - low) / cell - 1e-9).astype(int), 1)
-    shape = len(seen), int(ny), int(nx)
+    shape = len(sightings), int(ny), int(nx)
 
     def cells(frame, xy):
         at = np.clip(np.floor((xy - low) / cell).astype(int), 0, (nx - 1, ny - 1))
         return (frame * ny + at[:, 1]) * nx + at[:, 0]
 
-    grids = cell_statistics(cells(seen.frame, seen.xy), seen.forward, velocity, shape)
+    grids = cell_statistics(cells(sightings.frame, sightings.xy), sightings.forward, velocity, shape)
     unseen = np.bincount(cells(gone, hidden), minlength=math.prod(shape)).reshape(shape)
     density = (grids.pop("number") + unseen) / cell**2
     return Fields(
@@ -246,7 +249,7 @@ def _fields(tracks, missing, seen, velocity, grid):
 
 
 def _jumps(tracks, length):
-    """Sentences about frames between which most animals are suddenly elsewhere: two recordings in one file."""
+    """Sentences about frames between which most animals jump: such a file contains two recordings."""
     steps = np.diff(tracks.xy, axis=0) / length
     way = np.hypot(steps[..., 0], steps[..., 1])
     usual = np.array([np.nanmedian(row) if np.isfinite(row).any() else 0.0 for row in way])
@@ -280,8 +283,8 @@ def _notes(tracks, pieces, motion, length):
 
 def _missing(tracks, motion):
     """Share of the time from the first to the last sight of an animal in which it is not there, gaps being filled."""
-    seen = tracks.seen[:, tracks.seen.any(0)]
-    stays = len(seen) - seen.argmax(0) - seen[::-1].argmax(0)
+    has_place = tracks.seen[:, tracks.seen.any(0)]
+    stays = len(has_place) - has_place.argmax(0) - has_place[::-1].argmax(0)
     return 1.0 - np.isfinite(motion.xy[..., 0]).sum() / stays.sum()
 
 
@@ -303,11 +306,11 @@ def drawn_tracks(evidence: Evidence, t: int) -> np.ndarray:
     """The animals of frame t on a plain ground, (h, w, 3) BGR."""
     assert evidence.picture is not None and evidence.sightings is not None, "tracks have both"
     image = evidence.picture.copy()
-    seen, way = evidence.sightings, np.asarray(evidence.to_pixels, float)
-    rows = seen.of(t)
+    sightings, way = evidence.sightings, np.asarray(evidence.to_pixels, float)
+    rows = sightings.of(t)
     scale = float(way[0, 0])
-    half = max(0.5 - evidence.radius_bl, 0.1) * seen.forward[rows]
-    ends = [(seen.xy[rows] + sign * half) @ way[:, :2].T + way[:, 2] for sign in (-1, 1)]
+    half = max(0.5 - evidence.radius_bl, 0.1) * sightings.forward[rows]
+    ends = [(sightings.xy[rows] + sign * half) @ way[:, :2].T + way[:, 2] for sign in (-1, 1)]
     thick = max(2, round(2 * evidence.radius_bl * scale))
     for tail, head in zip(*(np.round(end * 16).astype(int).tolist() for end in ends), strict=True):
         cv2.line(image, tail, head, BODY, thick, cv2.LINE_AA, 4)

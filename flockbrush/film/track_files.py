@@ -1,7 +1,6 @@
-"""Tracks of animals on the ground, from the file formats of tracking programs: one reader for every command.
+"""Tracks of animals on the ground, from the file formats of tracking programs: one reader for all commands.
 
-Each format is a function of `flockbrush.film.track_formats` or of `flockbrush.film.track_arrays`.  Nothing in a file is
-ever unpickled.
+Each format is a function of `flockbrush.film.track_formats` or `flockbrush.film.track_arrays`. Nothing is unpickled.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ FEWEST = 8  # frames in which an animal must be seen
 
 @dataclass(frozen=True)
 class Trajectories:
-    """Where animals were seen, frame by frame."""
+    """Positions of animals by frame."""
 
     xy: np.ndarray  # (T, N, 2); in ``unit``, x right and y up; NaN where an animal was not seen
     ids: tuple[str, ...]  # (N,) tuple of str
@@ -62,18 +61,18 @@ class Trajectories:
 
     @property
     def seen(self) -> np.ndarray:
-        """(T, N) bool."""
+        """Whether each animal was seen in each frame, (T, N) bool."""
         return np.isfinite(self.xy).all(-1)
 
     def part(self, first: int, last: int) -> Trajectories:
-        """The frames numbered ``first`` to ``last``, both included."""
+        """The frames numbered `first` to `last`, both included."""
         rows = (self.frames >= first) & (self.frames <= last)
         heading = None if self.heading is None else self.heading[rows]
         return replace(self, xy=self.xy[rows], heading=heading, frames=self.frames[rows])
 
 
 def is_tracks(path) -> bool:
-    """Whether a name is that of a file (or a folder) of tracks, and not of a film."""
+    """Whether a path is a file (or a folder) of tracks, by its name, and not a video."""
     path = Path(path)
     return path.suffix.lower() in ENDINGS or (path.is_dir() and bool(formats.trex_files(path)))
 
@@ -88,13 +87,14 @@ def read_trajectories(path, unit: str | None = None, fps: float | None = None) -
         DeepLabCut and idtracker.ai, netCDF of movement, analysis HDF5 of SLEAP, a folder of TRex files, or an npy
         array (frames, animals, 2).
     unit : {"m", "px", "bl"}, optional
-        Of the places, where the file does not say.
+        Unit of x and y, if the file does not name it.
     fps : float, optional
-        Where the file has no times.
+        Frames per second, if the file has no times.
 
     Raises
     ------
     ProblemsError
+        When the file is damaged, has no tracks, or unit or frame rate are unknown.
     """
     path = Path(path)
     try:
@@ -122,25 +122,25 @@ def _first_line(error):
 
 
 def _checked(path, table, unit, scale, fps):
-    """Trajectories without animals that were hardly seen; ProblemsError where none is left."""
+    """The trajectories, without animals seen in fewer than `FEWEST` frames; ProblemsError if none is left."""
     xy = np.array(table.xy, float) * scale
     xy[~(np.abs(xy) < 1e12).all(-1)] = np.nan
     sights = np.isfinite(xy).all(-1).sum(0)
-    kept = sights >= FEWEST
-    if not kept.any():
+    enough = sights >= FEWEST
+    if not enough.any():
         most = int(sights.max(initial=0))
         raise refused(path, f"no animal is visible in more than {most} frames; at least {FEWEST} are needed")
     notes = list(table.notes)
-    if not kept.all():
-        notes.append(f"{int((~kept).sum())} animals visible in fewer than {FEWEST} frames were left out")
-    xy, heading = xy[:, kept], None if table.heading is None else table.heading[:, kept]
+    if not enough.all():
+        notes.append(f"{int((~enough).sum())} animals visible in fewer than {FEWEST} frames were left out")
+    xy, heading = xy[:, enough], None if table.heading is None else table.heading[:, enough]
     rows = np.flatnonzero(np.isfinite(xy[..., 0]).any(1))
     span = slice(rows[0], rows[-1] + 1)
     down = unit == "px" if table.down is None else table.down
     if down:
         xy = xy * (1.0, -1.0)
         heading = None if heading is None else -heading
-    ids = tuple(str(name) for name, keep in zip(table.ids, kept, strict=True) if keep)
+    ids = tuple(str(name) for name, keep in zip(table.ids, enough, strict=True) if keep)
     return Trajectories(
         xy[span], ids, fps, unit, None if heading is None else heading[span], np.asarray(table.frames)[span],
         path.name, _sha256(path), tuple(notes),

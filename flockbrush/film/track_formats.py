@@ -1,4 +1,4 @@
-"""Formats of tracks, one function each: a path in, a `Table` of places by frame and animal out."""
+"""Formats of tracks: one function each, from a path to a `TrackTable`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TOLD = 20  # problems of one file that are reported
 
 
 def csv_table(path) -> TrackTable:
-    """CSV and TSV: of Flockbrush, trackdf, Movebank, DeepLabCut, idtracker.ai, TRex."""
+    """Tracks from CSV and TSV of Flockbrush, trackdf, Movebank, DeepLabCut, idtracker.ai and TRex. ProblemsError."""
     rows = read_table(path, limits.TRACKS_BYTES, limits.TRACK_ROWS)
     line, header = next(rows, (1, []))
     header = [cell.strip() for cell in _split(header)]
@@ -104,7 +104,7 @@ def _grid(path, rows, columns):
         row = _split(cells)
         values.extend(_float(row[at]) if at < len(row) else np.nan for at in columns)
         if len(values) > limits.TRACK_NUMBERS:
-            raise refused(path, f"has more than {limits.TRACK_NUMBERS.told}; split it into parts")
+            raise refused(path, f"has more than {limits.TRACK_NUMBERS.text}; split it into parts")
     if not values:
         raise refused(path, "has no rows")
     return np.frombuffer(values).reshape(-1, len(columns))
@@ -166,28 +166,28 @@ def _long_table(path, header, where, columns, names, animal, degrees=False):
     """The table of rows of named animals, from any kind of file."""
     about, notes = beside(path), []
     x, y = columns["x"], columns["y"]
-    kept = np.isfinite(x) & np.isfinite(y)
+    valid = np.isfinite(x) & np.isfinite(y)
     if where["frame"] is None:
-        kept &= np.isfinite(columns["time"])
-    if not kept.any():
+        valid &= np.isfinite(columns["time"])
+    if not valid.any():
         raise refused(path, "no row has a position")
     unit = about.get("unit") if about.get("unit") in ("m", "px", "bl") else None
     if degrees:
-        x, y = _metres(path, x, y, kept)
+        x, y = _metres(path, x, y, valid)
         unit = "m"
     else:
         unit = unit or _unit_of_name(header[where["x"]])
     fps = about.get("fps") if isinstance(about.get("fps"), int | float) else None
     if where["frame"] is not None:
-        frames = _whole(path, columns["frame"][kept])
+        frames = _whole(path, columns["frame"][valid])
         fps = fps or _rate(columns["frame"], columns.get("time"))
     else:
-        frames, fps, off = _frames_of_times(path, columns["time"][kept])
+        frames, fps, off = _frames_of_times(path, columns["time"][valid])
         if off > 0.25:
             notes.append(f"times were rounded to {fps:g} frames per second")
-    heading = None if degrees or "heading" not in columns else columns["heading"][kept]
+    heading = None if degrees or "heading" not in columns else columns["heading"][valid]
     xy, ids, numbers, turned = placed(
-        path, frames, names, animal[kept], np.column_stack([x[kept], y[kept]]), heading
+        path, frames, names, animal[valid], np.column_stack([x[valid], y[valid]]), heading
     )  # fmt: skip
     return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes)
 
@@ -198,11 +198,11 @@ def _unit_of_name(name):
     return {"x_px": "px", "x_bl": "bl"}.get(name)
 
 
-def _metres(path, longitude, latitude, kept):
+def _metres(path, longitude, latitude, valid):
     """Metres east and north of the middle, by a plate carrée that is true there."""
-    if not ((np.abs(latitude[kept]) <= 90).all() and (np.abs(longitude[kept]) <= 360).all()):
+    if not ((np.abs(latitude[valid]) <= 90).all() and (np.abs(longitude[valid]) <= 360).all()):
         raise refused(path, "location-lat must be -90 to 90 and location-long -360 to 360 degrees")
-    middle = np.median(longitude[kept]), np.median(latitude[kept])
+    middle = np.median(longitude[valid]), np.median(latitude[valid])
     return (longitude - middle[0]) * EARTH * np.cos(np.radians(middle[1])), (latitude - middle[1]) * EARTH
 
 
@@ -228,7 +228,7 @@ def _frames_of_times(path, times):
 
 
 def parquet_table(path) -> TrackTable:
-    """Parquet with the columns of the CSV of Flockbrush, or any with id, x, y and frame or time."""
+    """Tracks from Parquet with the columns id, x, y, and frame or time. ProblemsError."""
     try:
         import pyarrow
     except ImportError:
@@ -247,14 +247,14 @@ def _parquet(path):
         header = [name.lower() for name in schema.names]
         where = {kind: next((header.index(n) for n in names if n in header), None) for kind, names in NAMES.items()}
         _need(path, where, header)
-        wanted = {kind: schema.names[at] for kind, at in where.items() if at is not None}
+        column_names = {kind: schema.names[at] for kind, at in where.items() if at is not None}
         if "heading" in header:
-            wanted["heading"] = schema.names[header.index("heading")]
-        _check_parquet(path, file.metadata, set(wanted.values()))
-    with parquet.ParquetFile(path, read_dictionary=[wanted["id"]]) as file:  # long names are unpacked once
-        data = file.read(columns=list(dict.fromkeys(wanted.values())))
-    columns = {kind: _column(data[name]) for kind, name in wanted.items() if kind != "id"}
-    table = _long_table(path, header, where, columns, *_coded(path, data[wanted["id"]]))
+            column_names["heading"] = schema.names[header.index("heading")]
+        _check_parquet(path, file.metadata, set(column_names.values()))
+    with parquet.ParquetFile(path, read_dictionary=[column_names["id"]]) as file:  # long names are unpacked once
+        data = file.read(columns=list(dict.fromkeys(column_names.values())))
+    columns = {kind: _column(data[name]) for kind, name in column_names.items() if kind != "id"}
+    table = _long_table(path, header, where, columns, *_coded(path, data[column_names["id"]]))
     about = {k.decode(): v.decode() for k, v in (schema.metadata or {}).items() if k in (b"fps", b"unit")}
     if table.unit is None and about.get("unit") in ("m", "px", "bl"):
         table.unit = about["unit"]
@@ -271,7 +271,7 @@ def _check_parquet(path, about, names):
         parts = [group.column(k) for k in range(group.num_columns)]
         size += sum(p.total_uncompressed_size for p in parts if p.path_in_schema.split(".")[0] in names)
     if size > limits.TRACKS_UNPACKED_BYTES:
-        raise refused(path, f"unpacks to more than {limits.TRACKS_UNPACKED_BYTES.told}; split it into parts")
+        raise refused(path, f"unpacks to more than {limits.TRACKS_UNPACKED_BYTES.text}; split it into parts")
 
 
 def _coded(path, values):
@@ -328,8 +328,11 @@ def _deeplabcut(path, header, rows) -> TrackTable:
     middles = []
     for name in ids:
         places = np.array([values[:, at : at + 2] for at in parts[name]])
-        told = [coords[at + 2 : at + 3] == ["likelihood"] for at in parts[name]]
-        sure = [values[:, at + 2] if has else np.ones(len(values)) for at, has in zip(parts[name], told, strict=True)]
+        has_likelihood = [coords[at + 2 : at + 3] == ["likelihood"] for at in parts[name]]
+        sure = [
+            values[:, at + 2] if has else np.ones(len(values))
+            for at, has in zip(parts[name], has_likelihood, strict=True)
+        ]
         middles.append(middle_of_parts(places, np.array(sure)))
     return TrackTable(np.stack(middles, 1), ids, frames, None, "px")
 
@@ -365,19 +368,19 @@ def _idtracker(path, header, rows) -> TrackTable:
 def _trex_columns(header):
     """(x, y, unit) names of TRex' columns of places; None in other tables."""
     for x in header:
-        found = re.fullmatch(r"X(#wcentroid|#pcentroid|#centroid)?( \((cm|px)\))?", x)
-        if found and (y := "Y" + x[1:]) in header and (found[1] or found[2]):
-            return x, y, found[3] or "cm"
+        match = re.fullmatch(r"X(#wcentroid|#pcentroid|#centroid)?( \((cm|px)\))?", x)
+        if match and (y := "Y" + x[1:]) in header and (match[1] or match[2]):
+            return x, y, match[3] or "cm"
     return None
 
 
 def _trex_table(path, header, rows) -> TrackTable:
     """One animal as TRex writes it in a CSV."""
     x, y, unit = _trex_columns(header)
-    wanted = [name for name in (x, y, "frame", "time") if name in header]
-    found = dict(zip(wanted, _grid(path, rows, [header.index(name) for name in wanted]).T, strict=True))
-    frames = _whole(path, found.get("frame", np.arange(len(found[x]))))
-    return _of_one(path, frames, np.column_stack([found[x], found[y]]), _rate(frames, found.get("time")), unit)
+    column_names = [name for name in (x, y, "frame", "time") if name in header]
+    columns = dict(zip(column_names, _grid(path, rows, [header.index(name) for name in column_names]).T, strict=True))
+    frames = _whole(path, columns.get("frame", np.arange(len(columns[x]))))
+    return _of_one(path, frames, np.column_stack([columns[x], columns[y]]), _rate(frames, columns.get("time")), unit)
 
 
 def _of_one(path, frames, xy, fps, unit):
@@ -389,25 +392,25 @@ def _of_one(path, frames, xy, fps, unit):
 
 
 def trex_file(path) -> TrackTable:
-    """One animal as TRex writes it in an npz."""
+    """Track of one animal from an npz of TRex. ProblemsError."""
     try:
-        found = _trex_arrays(path)
+        arrays = _trex_arrays(path)
     except (zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
         raise refused(path, f"is not an npz file of tracks: {error}") from None
-    columns = _trex_columns(list(found))
+    columns = _trex_columns(list(arrays))
     if columns is None:
         raise refused(path, "has no X#wcentroid and Y#wcentroid, as files of TRex have")
     x, y, unit = columns
-    if not len(found[x]):
+    if not len(arrays[x]):
         raise refused(path, "has no rows")
-    frames = _whole(path, found.get("frame", np.arange(len(found[x]))))
-    xy = np.column_stack([found[x], found[y]]).astype(float)
+    frames = _whole(path, arrays.get("frame", np.arange(len(arrays[x]))))
+    xy = np.column_stack([arrays[x], arrays[y]]).astype(float)
     if len(frames) != len(xy):
         raise refused(path, f"has {len(xy)} positions in {len(frames)} frames")
-    if "missing" in found:
-        xy[found["missing"].astype(bool)] = np.nan
-    rate = found.get("frame_rate")
-    fps = float(rate[0]) if rate is not None and len(rate) else _rate(frames, found.get("time"))
+    if "missing" in arrays:
+        xy[arrays["missing"].astype(bool)] = np.nan
+    rate = arrays.get("frame_rate")
+    fps = float(rate[0]) if rate is not None and len(rate) else _rate(frames, arrays.get("time"))
     return _of_one(path, frames, xy, fps, unit)
 
 
@@ -415,27 +418,29 @@ def _trex_arrays(path):
     """{name: (n,) array} of what is needed of an npz of TRex, none longer than tracks may be."""
     with zipfile.ZipFile(path) as packed:
         sizes = {info.filename.removesuffix(".npy"): info.file_size for info in packed.infolist()}
-    wanted = [name for name in sizes if _trex_columns([name, "Y" + name[1:]]) or _trex_columns(["X" + name[1:], name])]
-    wanted += [name for name in ("frame", "time", "missing", "frame_rate") if name in sizes]
-    found = {}
+    array_names = [
+        name for name in sizes if _trex_columns([name, "Y" + name[1:]]) or _trex_columns(["X" + name[1:], name])
+    ]
+    array_names += [name for name in ("frame", "time", "missing", "frame_rate") if name in sizes]
+    arrays = {}
     with np.load(path, allow_pickle=False) as data:
-        for name in wanted[:20]:
+        for name in array_names[:20]:
             if sizes[name] > 8 * limits.TRACK_FRAMES + 1024:
-                raise refused(path, f"{name} has more than {limits.TRACK_FRAMES.told}; split it into parts")
+                raise refused(path, f"{name} has more than {limits.TRACK_FRAMES.text}; split it into parts")
             values = np.ravel(data[name])
             if values.dtype.kind not in "biuf":
                 raise refused(path, f"{name} must be numbers, got {values.dtype}")
-            found[name] = values
-    return found
+            arrays[name] = values
+    return arrays
 
 
 def trex_files(path) -> list[Path]:
-    """The files of a folder that may be TRex' of single animals."""
+    """The files of a folder that may be tracks of TRex, one per animal."""
     return sorted(p for p in Path(path).iterdir() if p.suffix.lower() in (".npz", ".csv") and p.is_file())
 
 
 def trex_folder(path) -> TrackTable:
-    """All animals of a folder of TRex files, npz or csv."""
+    """Tracks of all animals in a folder of TRex files, npz or csv. ProblemsError."""
     files = trex_files(path)
     if len(files) > 10_000:
         raise refused(path, f"has {len(files)} files; one file per animal is expected")
@@ -443,7 +448,7 @@ def trex_folder(path) -> TrackTable:
     for file in files:
         tables.append((trex_file if file.suffix.lower() == ".npz" else csv_table)(file))
         if sum(table.xy.size for table in tables) > limits.TRACK_NUMBERS:
-            raise refused(path, f"its files have more than {limits.TRACK_NUMBERS.told}")
+            raise refused(path, f"its files have more than {limits.TRACK_NUMBERS.text}")
     names = sorted({name for t in tables for name in t.ids})
     number = {name: k for k, name in enumerate(names)}
     frames = np.concatenate([np.repeat(t.frames, len(t.ids)) for t in tables])

@@ -1,4 +1,4 @@
-"""The table of places by frame and animal that every format of tracks gives, and how rows become one."""
+"""The table of positions by frame and animal that every format of tracks is read into."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ SURE = 0.6  # confidence of a body part, below which it is taken as not seen
 
 @dataclass
 class TrackTable:
-    """What a format gives: places by frame and animal."""
+    """Positions by frame and animal, as read from a file."""
 
     xy: np.ndarray  # (T, N, 2)
     ids: list[str]
     frames: np.ndarray  # (T,)
     fps: float | None = None
     unit: str | None = None
-    down: bool | None = None  # whether y points down; as is usual for pixels unless told
+    down: bool | None = None  # whether y points down; as is usual for pixels by default
     heading: np.ndarray | None = None
     notes: list[str] = field(default_factory=list)
 
@@ -32,53 +32,77 @@ class TrackTable:
 
 
 def placed(path, frames, names, animal, xy, heading=None):
-    """(xy (T, N, 2), ids, frame numbers (T,), heading) from a row for each animal in each frame.
+    """Positions on a grid of frames and animals, from one row for each animal in each frame.
 
     Parameters
     ----------
+    path : path
+        For messages.
     frames : (k,) int ndarray
     names : sequence of str
     animal : (k,) int ndarray
-        Of the names, whose row it is.
+        Index into `names` of each row.
     xy : (k, 2) ndarray
     heading : (k,) ndarray, optional
+
+    Returns
+    -------
+    xy : (T, N, 2) ndarray
+        NaN where there is no row.
+    ids : list of str
+        Names of the animals that have rows, sorted.
+    frames : (T,) ndarray
+        Consecutive frame numbers.
+    heading : (T, N) ndarray or None
 
     Raises
     ------
     ProblemsError
-        When an animal is twice in a frame, or the table would be larger than fits.
+        When an animal is in a frame twice, or the grid would be larger than `limits.TRACK_CELLS`.
     """
     frames = np.asarray(frames, np.int64)
-    there = sorted(np.unique(animal).tolist(), key=lambda n: names[n])
+    present = sorted(np.unique(animal).tolist(), key=lambda n: names[n])
     column = np.zeros(len(names), np.int64)
-    column[there] = np.arange(len(there))
+    column[present] = np.arange(len(present))
     first, length = int(frames.min()), int(frames.max()) - int(frames.min()) + 1
-    check_size(path, length, len(there))
-    flat = (frames - first) * len(there) + column[animal]
+    check_size(path, length, len(present))
+    flat = (frames - first) * len(present) + column[animal]
     order = np.argsort(flat, kind="stable")
     twice = np.flatnonzero(np.diff(flat[order]) == 0)
     if len(twice):
         row = order[twice[0] + 1]
         raise refused(path, f"animal {names[animal[row]][:80]} is in frame {frames[row]} twice (row {row + 2})")
-    grid = np.full((length * len(there), 2), np.nan)
+    grid = np.full((length * len(present), 2), np.nan)
     grid[flat] = xy
     turned = None
     if heading is not None:
-        headings = np.full(length * len(there), np.nan)
+        headings = np.full(length * len(present), np.nan)
         headings[flat] = heading
         turned = headings.reshape(length, -1)
-    shown = [names[n] for n in there]
-    return grid.reshape(length, len(there), 2), shown, np.arange(first, first + length), turned
+    shown = [names[n] for n in present]
+    return grid.reshape(length, len(present), 2), shown, np.arange(first, first + length), turned
 
 
 def check_size(path, frames, animals):
-    """ProblemsError unless so many frames of so many animals fit."""
+    """Raise ProblemsError if there are more frames, animals, or frames times animals than the limits allow."""
     if frames > limits.TRACK_FRAMES or animals > limits.TRACK_ANIMALS or frames * animals > limits.TRACK_CELLS:
         raise refused(path, f"{frames:,} frames of {animals:,} animals are too many; split the file into parts")
 
 
 def middle_of_parts(places, weights):
-    """(T, 2) mean of body parts (k, T, 2) that are sure; NaN where none is."""
+    """Mean position of the body parts with a confidence of at least `SURE`.
+
+    Parameters
+    ----------
+    places : (k, T, 2) ndarray
+    weights : (k, T) ndarray
+        Confidence, 0 to 1.
+
+    Returns
+    -------
+    (T, 2) ndarray
+        NaN where no part is sure.
+    """
     good = (weights >= SURE) & np.isfinite(places).all(-1)
     count = good.sum(0)
     total = np.where(good[..., None], np.nan_to_num(places), 0.0).sum(0)
@@ -86,12 +110,12 @@ def middle_of_parts(places, weights):
 
 
 def beside(path) -> dict:
-    """The metadata that Flockbrush writes in ``NAME.json`` beside a table; {} where there is none."""
+    """The metadata in ``NAME.json``, written by Flockbrush next to a table; {} if there is no such file."""
     other = Path(f"{path}.json")
     if not other.is_file() or other.stat().st_size > limits.MIB:
         return {}
     try:
-        found = json.loads(other.read_text("utf-8"))
+        metadata = json.loads(other.read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return metadata if isinstance(metadata, dict) else {}

@@ -1,12 +1,12 @@
-"""Birds in a film of the sky: found in every frame, and followed through crossings, gaps, and the edges of the picture.
+"""Detect birds in each frame of a video of the sky, and track them through crossings, gaps and picture edges.
 
-Each frame is taken apart into blobs that differ from the sky, and these into parts: one for each peak of the contrast,
-smoothed by a share of the blob's own thickness.  Where single birds have several peaks, as birds with long wings do, a
-blob has no more parts than it is large enough for beside the others.  Every bird that is known foretells where it will
-be, by its own velocity within the flock's; where more are foretold than there are peaks, a blob is split among them if
-it is large enough, else some are taken to be hidden by others for a while.  So birds that pass in front of each other
-keep their names.  Birds and parts are then matched at least total cost (`scipy.optimize.linear_sum_assignment` [1]_).
-In the end, tracks that break off are joined to those that begin a little later where both, carried on, meet.
+Each frame is divided into blobs that differ from the sky, and each blob into parts: one for each peak of the contrast,
+smoothed by a share of the thickness of the blob. If single birds have several peaks (long wings), a blob has no more
+parts than its area allows. Every known bird predicts its position from its own velocity relative to the flock. If more
+birds are predicted in a blob than it has peaks, the blob is split among them if it is large enough; else some birds
+are taken to be hidden by others for a while. Birds that pass in front of each other thus keep their identities. Birds
+and parts are matched at the least total cost (`scipy.optimize.linear_sum_assignment` [1]_). At the end, tracks that
+break off are joined to tracks that begin a little later, where their extrapolated paths meet.
 
 .. [1] Crouse, D. F. (2016). On implementing 2D rectangular assignment algorithms. IEEE Transactions on Aerospace and
    Electronic Systems 52(4), 1679-1696.
@@ -40,7 +40,7 @@ FAR = 1e6  # a cost that means: never
 
 @dataclass
 class Blob:
-    """A patch that differs from the sky."""
+    """A patch of a picture that differs from the sky."""
 
     at: np.ndarray  # (2,) px
     pixels: np.ndarray  # (k, 2) px
@@ -53,12 +53,19 @@ class Blob:
 
 
 def blobs_of(image, least=5) -> list[Blob]:
-    """The patches of a picture, (h, w, 3) or (h, w) uint8, of at least so many pixels."""
+    """The patches of a picture that differ from the sky.
+
+    Parameters
+    ----------
+    image : (h, w, 3) or (h, w) uint8 ndarray
+    least : int
+        Smallest area, px.
+    """
     away, threshold = away_from_sky(image)
     mask, away = (away > threshold).astype(np.uint8), away.astype(np.float32)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     most = min(mask.shape) / 6
-    found = []
+    blobs = []
     for k in range(1, count):
         left, top, wide, tall, area = stats[k]
         if area < least or max(wide, tall) > most:
@@ -68,12 +75,12 @@ def blobs_of(image, least=5) -> list[Blob]:
         weight = away[top + y, left + x].astype(float)
         pixels = np.column_stack([x + left + 0.5, y + top + 0.5])
         peaks = _peaks(mine, away[top : top + tall, left : left + wide] / (2 * threshold)) + (left, top)
-        found.append(Blob(weight @ pixels / weight.sum(), pixels, weight, peaks))
-    return found
+        blobs.append(Blob(weight @ pixels / weight.sum(), pixels, weight, peaks))
+    return blobs
 
 
 def _peaks(mine, contrast):
-    """Middles of the parts of a patch, (n, 2) px: peaks of its contrast, smoothed by a share of its own thickness."""
+    """Peaks of the contrast of a patch, (n, 2) px, smoothed by a share of the thickness of the patch."""
     edge = 6
     inside = cv2.copyMakeBorder(mine, edge, edge, edge, edge, cv2.BORDER_CONSTANT)
     ink = cv2.copyMakeBorder(np.minimum(contrast, 1) * mine, edge, edge, edge, edge, cv2.BORDER_CONSTANT)
@@ -87,7 +94,20 @@ def _peaks(mine, contrast):
 
 
 def split(blob, centres, rounds=8):
-    """Centres of the parts of a blob that holds several birds, (k, 2), begun at where they are foretold (k-means)."""
+    """Centres of the parts of a blob that contains several birds, by k-means.
+
+    Parameters
+    ----------
+    blob : Blob
+    centres : (k, 2) array_like
+        Predicted positions to start from, px.
+    rounds : int
+        Largest number of iterations.
+
+    Returns
+    -------
+    (k, 2) ndarray
+    """
     centres = np.array(centres, float)
     for _ in range(rounds):
         nearest = np.argmin(((blob.pixels[:, None] - centres[None]) ** 2).sum(-1), axis=1)
@@ -103,11 +123,27 @@ def split(blob, centres, rounds=8):
 
 
 def divided(blob, foretold, usual, reach, winged=True):
-    """The birds of a blob: those that can be told apart (k, 2), and places (m, 2) of those that cannot.
+    """Divide a blob among birds.
 
-    It has a bird for each of its peaks, and for each place where one was foretold and no peak is, as long as it is
-    large enough for all of them; the rest lie wholly on others, and are taken to be where they were foretold.  Where
-    wings have peaks of their own (``winged``), there are no more birds than foretold, or than it is large enough for.
+    There is a bird for each peak, and one for each predicted position without a peak as long as the area of the blob
+    allows it. The other predicted birds are hidden, and stay at the nearest pixel of the blob.
+
+    Parameters
+    ----------
+    blob : Blob
+    foretold : (n, 2) array_like
+        Predicted positions, px.
+    usual : float
+        Usual area of a bird, px².
+    reach : float
+        Largest distance of a peak from a predicted position, px.
+    winged : bool
+        Single birds have several peaks: then there are no more birds than predicted, or than the area allows.
+
+    Returns
+    -------
+    (k, 2) ndarray, (m, 2) ndarray
+        Positions of the birds that can be told apart, and of hidden ones.
     """
     rest = np.array(foretold).reshape(-1, 2)
     size = blob.area / usual
@@ -124,7 +160,7 @@ def divided(blob, foretold, usual, reach, winged=True):
 
 
 def _fewer(blob, foretold, most):
-    """The peaks of a blob, (n, 2), at most so many: those that are farthest from one another, its middle for one."""
+    """At most `most` peaks of a blob, (n, 2) px, that are farthest apart; for one, the middle of the blob."""
     if len(blob.peaks) < 2 or most < 2:
         return blob.at[None]
     if len(blob.peaks) <= most:
@@ -158,7 +194,7 @@ class _Bird:
         """Whether a person has said that it is no bird."""
         return len(self.turns) % 2 == 1
 
-    def told(self):
+    def path_as_bird(self):
         """The part of its path in which it is a bird."""
         return {f: at for f, at in self.path.items() if np.searchsorted(self.turns, f, "right") % 2 == 0}
 
@@ -185,19 +221,19 @@ class _Bird:
 
 
 class Tracker:
-    """Follows the birds of a film, frame by frame.
+    """Tracks the birds of a video, frame by frame.
 
     Parameters
     ----------
     seeds, corrections : dict of int to list of (id, x, y) or (id, x, y, gone)
-        By frame: where a person says a bird is.  A correction outweighs whatever was found.  Gone: what is there is no
-        bird, from this frame on; it is followed, so that it does not come back, and not told of.
+        By frame: positions of birds marked by hand, px. A correction overrides what was detected. With `gone` the
+        object is no bird from this frame on; it is still tracked, so that it is not detected again, but not returned.
     reach : float, optional
-        How far from where it was foretold a bird may turn up, pixels; twice the usual blob's extent unless given.
+        Largest distance of a bird from its predicted position, px; by default about twice the extent of the usual blob.
     first : int
-        Number of the first frame that it will be given.
+        Number of the first frame.
     fresh : int
-        Birds that nobody has named get this number and those after it.
+        First number of birds that are detected automatically.
     """
 
     def __init__(self, seeds=None, corrections=None, reach=None, first=0, fresh=1):
@@ -212,11 +248,11 @@ class Tracker:
         self._peaked: list[bool] = []
 
     def step(self, image):
-        """Take the next frame."""
+        """Process the next frame, (h, w, 3) or (h, w) uint8."""
         self.take(blobs_of(image))
 
     def take(self, blobs):
-        """Take the blobs of the next frame."""
+        """Process the blobs of the next frame."""
         self.frame += 1
         self._areas = (self._areas + [b.area for b in blobs])[-2000:]
         usual = float(np.median(self._areas)) if self._areas else 1.0
@@ -225,15 +261,15 @@ class Tracker:
         reach = self.reach or max(6.0, 2.2 * np.sqrt(usual))
         seen, area, apart = self._parts(blobs, usual, reach)
         free = np.ones(len(seen), bool)
-        for number, x, y, *gone in self.by_hand.get(self.frame, ()):
-            self._by_hand(number, np.array([x, y]), seen, free, reach, any(gone))
+        for number, x, y, *removed in self.by_hand.get(self.frame, ()):
+            self._by_hand(number, np.array([x, y]), seen, free, reach, any(removed))
         self._match(seen, area, free, reach)
         self._begin(seen, area, free & apart, reach)
         self._unmask(set(map(tuple, seen[~apart].tolist())))
         self._let_go()
 
     def _lone(self, blobs, usual):
-        """Blobs in which at most one bird was foretold, of about the usual area."""
+        """Blobs of about the usual area in which at most one bird was predicted."""
         known = [bird.foretold() for bird in self.birds if bird.sure and bird.missed <= 4]
         lone = []
         for blob in blobs:
@@ -245,11 +281,11 @@ class Tracker:
 
     @property
     def _winged(self):
-        """Whether single birds have peaks of their own, so that peaks do not tell how many birds there are."""
+        """Whether single birds have several peaks, so that peaks do not count birds."""
         return not self._peaked or np.mean(self._peaked) > WINGED
 
     def _parts(self, blobs, usual, reach):
-        """Where birds are in this frame: places (k, 2), the area of each, and whether it was told apart from others."""
+        """Positions of birds in this frame (k, 2) px, their areas (k,) px², and whether each was told apart (k,)."""
         foretold = [bird.foretold() for bird in self.birds if bird.sure and bird.missed <= 4]
         inside: list[list[np.ndarray]] = [[] for _ in blobs]
         if blobs and foretold:
@@ -292,7 +328,7 @@ class Tracker:
             bird.turns.append(self.frame)
 
     def _drift(self):
-        """The flock's common velocity, px a frame."""
+        """Median velocity of the flock, (2,) px per frame."""
         known = [b.velocity for b in self.birds if b.sure and not b.missed]
         return np.median(known, axis=0) if known else np.zeros(2)
 
@@ -341,14 +377,14 @@ class Tracker:
                 bird.missed = GAP + 1
 
     def _let_go(self):
-        kept = []
+        remaining = []
         for bird in self.birds:
             if bird.missed > (GAP if bird.sure else 1):
                 if bird.sure:
                     self.gone.append(bird)
             else:
-                kept.append(bird)
-        self.birds = kept
+                remaining.append(bird)
+        self.birds = remaining
 
     def tracks(self) -> Tracks:
         """The tracks so far, broken ones joined, in order of number.
@@ -358,11 +394,11 @@ class Tracker:
         ValueError
             When no bird was followed.
         """
-        birds = [b for b in self.gone + self.birds if b.sure and len(b.told()) >= BORN_AFTER]
+        birds = [b for b in self.gone + self.birds if b.sure and len(b.path_as_bird()) >= BORN_AFTER]
         if not birds:
             raise ValueError("no bird could be tracked through three frames")
         ended = {b.number for b in birds if b.gone}
-        paths = _joined({b.number: b.told() for b in birds}, self.reach or 30.0, ended)
+        paths = _joined({b.number: b.path_as_bird() for b in birds}, self.reach or 30.0, ended)
         numbers = sorted(paths)
         frames = [f for path in paths.values() for f in path]
         first, last = min(frames), max(frames)

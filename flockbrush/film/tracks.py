@@ -22,7 +22,7 @@ _TOLD = 20  # problems of one file that are told
 
 @dataclass
 class Tracks:
-    """Where birds were seen."""
+    """Positions of birds in the picture, by frame."""
 
     px: np.ndarray  # (F, N, 2); pixels, y down; NaN where a bird was not seen
     ids: np.ndarray  # (N,) of int
@@ -31,12 +31,12 @@ class Tracks:
 
     @property
     def seen(self) -> np.ndarray:
-        """(F, N) bool."""
+        """Whether each bird was seen in each frame, (F, N) bool."""
         return np.isfinite(self.px).all(-1)
 
     @property
     def alive(self) -> np.ndarray:
-        """(F, N) bool: from the first to the last sight of each bird, gaps included."""
+        """Whether a frame is between the first and the last sight of each bird, gaps included, (F, N) bool."""
         seen = self.seen
         return np.maximum.accumulate(seen, 0) & np.maximum.accumulate(seen[::-1], 0)[::-1]
 
@@ -84,10 +84,10 @@ def read_marks(path: str | Path) -> dict[int, list[tuple]]:
     ------
     ProblemsError
     """
-    gone: list[bool] = []
-    frames, ids, px, _ = _rows(path, gone)
+    removed: list[bool] = []
+    frames, ids, px, _ = _rows(path, removed)
     marks: dict[int, list[tuple]] = {}
-    for frame, bird, (x, y), no in zip(frames.tolist(), ids.tolist(), px.tolist(), gone, strict=True):
+    for frame, bird, (x, y), no in zip(frames.tolist(), ids.tolist(), px.tolist(), removed, strict=True):
         marks.setdefault(frame, []).append((bird, x, y, True) if no else (bird, x, y))
     return marks
 
@@ -157,7 +157,7 @@ def _assembled(name, frames, ids, px, lines):
 
 
 def _without_points(name, tracks):
-    """Leave out birds that were seen once only: a point has no flight."""
+    """The tracks without birds that were seen only once."""
     sights = tracks.seen.sum(0)
     short = sights < 3
     if short.all():
@@ -167,9 +167,11 @@ def _without_points(name, tracks):
     if short.any():
         who = ", ".join(map(str, tracks.ids[short][:10])) + (", ..." if short.sum() > 10 else "")
         tracks.notes.append(f"left out, visible in fewer than three frames: bird{'s' if short.sum() > 1 else ''} {who}")
-        kept = Tracks(tracks.px[:, ~short], tracks.ids[~short], tracks.first, tracks.notes)
-        rows = np.flatnonzero(kept.seen.any(1))
-        return Tracks(kept.px[rows[0] : rows[-1] + 1], kept.ids, kept.first + int(rows[0]), kept.notes)
+        remaining = Tracks(tracks.px[:, ~short], tracks.ids[~short], tracks.first, tracks.notes)
+        rows = np.flatnonzero(remaining.seen.any(1))
+        return Tracks(
+            remaining.px[rows[0] : rows[-1] + 1], remaining.ids, remaining.first + int(rows[0]), remaining.notes
+        )
     return tracks
 
 
@@ -187,17 +189,22 @@ class Smoothed:
 
 
 def smoothed(tracks: Tracks, stiffness: float | None = None) -> Smoothed:
-    """Smooth tracks by penalising their third differences, and carry birds through gaps.
+    """Smooth tracks and fill gaps, by penalising their third differences.
 
     Parameters
     ----------
+    tracks : Tracks
     stiffness : float, optional
-        More is smoother; by generalised cross-validation over all birds together unless given.
+        Larger: smoother. By default found by generalised cross-validation over all birds together.
+
+    Returns
+    -------
+    Smoothed
 
     Notes
     -----
-    Whittaker's smoother [1]_ with weights 0 in gaps; one stiffness for all, found by golden steps on a grid of
-    decades.  The trace of the smoother is estimated with fixed probes [2]_.
+    Whittaker's smoother [1]_ with weight 0 in gaps and one stiffness for all birds, found on a grid of decades and
+    refined around the best. The trace of the smoother is estimated with fixed probes [2]_.
 
     References
     ----------
@@ -238,7 +245,7 @@ class _Span:
         return cls(start, np.where(weight[:, None] > 0, y, 0.0), weight, gap, _probes(end - start))
 
     def fit(self, stiffness):
-        """(smooth path (F, 2), trace of the smoother)."""
+        """The smooth path (F, 2), px, and the trace of the smoother."""
         length = len(self.y)
         bands = stiffness * _third_differences(length)
         bands[-1] += self.weight
@@ -252,7 +259,7 @@ class _Span:
 
 @cache
 def _third_differences(length):
-    """D'D of third differences in upper banded form, (4, length)."""
+    """D'D of third differences in upper banded form, (4, length), as `scipy.linalg.solveh_banded` takes it."""
     bands = np.zeros((min(4, length), length))
     step = np.array([-1.0, 3.0, -3.0, 1.0])
     for row in range(length - 3):
@@ -263,7 +270,7 @@ def _third_differences(length):
 
 
 def _probes(length, count=8):
-    """Fixed signs, (length, count)."""
+    """Fixed random signs, (length, count), for the trace estimate."""
     return np.sign(Noise(0).uniform("probes", 0, np.arange(length), count) - 0.5)
 
 
@@ -284,3 +291,12 @@ def _score(spans, stiffness):
         sights += span.weight.sum()
         trace += own
     return residual / sights / max(1.0 - trace / sights, 1e-6) ** 2
+
+
+def central_differences(values):
+    """Differences per frame along the first axis, (F, ...): central where both neighbours are known, else one-sided."""
+    ahead, behind = np.full(values.shape, np.nan), np.full(values.shape, np.nan)
+    ahead[:-1] = values[1:] - values[:-1]
+    behind[1:] = ahead[:-1]
+    both = 0.5 * (ahead + behind)
+    return np.where(np.isfinite(both), both, np.where(np.isfinite(ahead), ahead, behind))

@@ -109,7 +109,7 @@ def learn(
         licence : str, optional
             Of the data, kept in the brush.
         beside : bool, optional
-            Judge it beside the shipped brushes, too; unless told, where it is not quick.
+            Judge it beside the shipped brushes, too; by default, where it is not quick.
         model : str, "herd"
             "herd", "zones", "topological", "boids" or the name of another model on the ground; "auto" fits those with
             a likelihood, compares them on blocks held out (``result.models``) and learns the best, the herd where it

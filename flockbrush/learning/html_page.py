@@ -130,7 +130,7 @@ class ReportPage:
         photograph : bool
             Filmed, not drawn.
         paper : bool
-            Drawn on white paper, which is dark on a dark page; what is no photograph unless told.
+            Drawn on white paper, which is dark on a dark page; what is no photograph by default.
         """
         paper = not photograph if paper is None else paper
         shown = "".join(_image(image, words, scale, photograph, paper) for image, words in images)

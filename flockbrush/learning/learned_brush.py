@@ -73,7 +73,7 @@ def brush_of(
     licence : str, optional
         Of the clip.
     colour : "#rrggbb", optional
-        Of the painted ground; by the name unless told.
+        Of the painted ground; by the name by default.
     notes : sentences
         More to know.
     """

@@ -1,9 +1,9 @@
-"""What any model says of the next step of animals that were seen, and how likely that makes the step.
+"""The next step of observed animals as any model predicts it, and the likelihood of the observed step.
 
-Each animal that was seen to turn is asked as in a run, by the model's own ``steer``, a few ticks on, with the others
-where they were seen (teacher forcing); bodies that touch turn it aside, and it turns no faster than it can.  What is
-left over is taken to be Student's t, as in `flockbrush.learning.turns`, whose `predicted` says the same of the herd
-model and is the test's oracle.  Pace is left out: it is a process of its own in most models.
+The model's own ``steer`` is called for each animal with an observed turn, for a few ticks, while the others move as
+observed (teacher forcing). Bodies in contact deflect the animal, and its rate of turning is limited. The residuals are
+assumed to follow Student's t distribution, as in `flockbrush.learning.turns`, whose `predicted` gives the same values
+for the herd model and is the oracle of the test. Speed is left out: in most models it is a process of its own.
 """
 
 from __future__ import annotations
@@ -25,10 +25,15 @@ CONSTANT = math.lgamma((FREEDOM + 1) / 2) - math.lgamma(FREEDOM / 2) - 0.5 * mat
 
 
 class NextSteps:
-    """Turns that were seen, ready for any model.
+    """Observed turns, prepared for any model.
 
-    The animals asked are rows of their own, before all those seen: so that an animal heads as the model turned it, and
-    is seen by others as it was.
+    The k animals asked have rows of their own before the n observed animals, so that the model can turn an animal
+    while the others still perceive it as it was observed.
+
+    Parameters
+    ----------
+    turns : Turns
+        Observed turns, in body lengths (BL) and seconds.
     """
 
     def __init__(self, turns: Turns):
@@ -46,7 +51,7 @@ class NextSteps:
         self.scenes = [self._scene(percept.offset[pair] + s * turns.dt * drift, s) for s in range(ticks)]
 
     def _scene(self, offset, tick):
-        """What is seen ``tick`` ticks on; the headings of the animals asked are put in later."""
+        """The `Scene` of a tick with neighbours at `offset` (m, 2) BL; headings of the k animals come later."""
         turns, total = self.turns, self.k + self.n
         spin, time = turns.spin, tick * turns.dt
         c, s = np.cos(spin * time), np.sin(spin * time)
@@ -72,7 +77,18 @@ class NextSteps:
         )  # fmt: skip
 
     def predicted(self, model: Behaviour, params) -> np.ndarray:
-        """(k,) rad that the animals turn, as the model says without chance."""
+        """The turns that a model predicts, without noise.
+
+        Parameters
+        ----------
+        model : Behaviour
+        params : Parameters
+
+        Returns
+        -------
+        (k,) ndarray
+            Radians over the observed time of each turn.
+        """
         quiet = params.model_copy(update={"wander": 0.0}) if "wander" in type(params).model_fields else params
         rows, angle, left = np.arange(self.k, dtype=np.int32), self.start.copy(), self.turns.ticks.copy()
         limit = getattr(params, "max_turn", np.inf) * self.turns.dt
@@ -89,12 +105,12 @@ class NextSteps:
         return angle - self.start
 
     def off(self, model: Behaviour, params) -> np.ndarray:
-        """(k,) rad by which the animals turned otherwise."""
+        """Observed minus predicted turns (k,), rad, in -π to π."""
         off = self.turns.turn - self.predicted(model, params)
         return off - 2 * np.pi * np.round(off / (2 * np.pi))
 
     def loss(self, model: Behaviour, params) -> float:
-        """Negative logarithm of the likelihood a turn, at the spread that is likeliest."""
+        """Negative log likelihood per turn (nats), at the most likely spread of the residuals."""
         return -mean_score(self.off(model, params), self.turns.weight)[0]
 
 
@@ -103,12 +119,26 @@ def _no_chance(stream):
 
 
 def log_density(off, spread) -> np.ndarray:
-    """Logarithm of the density of differences, rad, by Student's t of that scale."""
+    """Log density of residuals (n,), rad, under Student's t with `FREEDOM` degrees of freedom and this scale (rad)."""
     return CONSTANT - math.log(spread) - (FREEDOM + 1.0) / 2 * np.log1p((off / spread) ** 2 / FREEDOM)
 
 
 def mean_score(off, weight, spread=None) -> tuple[float, float]:
-    """(logarithm of the likelihood a turn, spread): at the given spread, or at the likeliest."""
+    """Mean log likelihood of residuals under Student's t, and its scale.
+
+    Parameters
+    ----------
+    off : (n,) ndarray
+        Residuals, rad.
+    weight : (n,) ndarray
+    spread : float, optional
+        Scale, rad; by default the most likely one (expectation maximisation), at least `SMALLEST`.
+
+    Returns
+    -------
+    (float, float)
+        Nats per turn, and the scale.
+    """
     total = max(float(weight.sum()), 1e-12)
     if spread is None:
         spread = max(1.4826 * float(np.median(np.abs(off))), SMALLEST)
@@ -120,7 +150,10 @@ def mean_score(off, weight, spread=None) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _turn_on(lo, hi, wish, lists, forward, half, radius, limit, left, angle):
-    """One tick, or what is left of one: turned aside by those it touches, and no faster than it can."""
+    """Turn rows `lo` to `hi` by one tick, or by the rest of one: deflect by touching bodies, then limit the turn.
+
+    Reads and writes `left` (k,), ticks, and `angle` (k,), rad; `limit` is in rad per tick, `half` and `radius` in BL.
+    """
     first, near, offset = lists
     touch = 2.0 * radius
     far_enough = ((1.0 + SKIN) * touch + 2.0 * half) ** 2

@@ -74,7 +74,7 @@ def perceive(
     walls : Walls, optional
         `flockbrush.learning.rollout.Walls`: solid, and they block the view.
     species : (n,) int ndarray, optional
-        Only the same kind is followed; all are one kind unless told.
+        Only the same kind is followed; all are one kind by default.
     guide : Guide, optional
         `flockbrush.learning.rollout.ClipGuide`: what leaders follow, at ``time`` seconds.
     """

@@ -46,7 +46,7 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
     fields = photo.fields
     again: dict[str, Any] = {
         name: np.repeat(getattr(fields, name), frames, axis=0)
-        for name in ("density", "seen", "count", "at_edge")
+        for name in ("density", "seen", "count", "at_edge", "pairs")
         if getattr(fields, name) is not None
     }
     unknown = np.full(again["density"].shape, np.nan)

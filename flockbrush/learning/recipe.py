@@ -1,7 +1,8 @@
 """From the observations of a clip to a brush: starts, descents, trials, evolution, and uncertainty.
 
 1. Speed, bodies and the way animals begin follow from the clip directly (`flockbrush.learning.initial_conditions`).
-2. **Starts**: some at random, and the numbers of every shipped brush of the herd model that was not itself learned.
+2. **Starts**: some at random, the numbers of every shipped brush of the herd model that was not itself learned, and, of
+   fields alone, draws that are only tried: a descent on fields gains little.
 3. **Descent** of each: on the turns of single animals where they are told apart (`flockbrush.learning.turns`), else on
    the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).
 4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
@@ -70,6 +71,8 @@ HELD = 0.3  # of the frames, at the end, are held back until the choice
 RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
 GENERATION = 8  # candidates
+STEP, WIDE_STEP = 0.05, 0.12  # of an evolution: near a fit to turns; where fields alone say how animals turn
+DRAWS, QUICK_DRAWS, TWICE = 48, 16, 9  # random ones that are tried where a descent has only fields; most, tried again
 REFINED = 2
 CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
 FINALISTS, QUICK_FINALISTS = 4, 3
@@ -161,17 +164,18 @@ class _Search:
     def __init__(self, given, settings, say):
         self.given, self.seed, self.say = given, settings.seed, say
         self.quick = settings.quick
+        self.by_fields = any(clip.fields.tells_motion and not followed(clip) for clip in given.clips)
         self.attempts: list[Attempt] = []
         self.deviation: dict[int, np.ndarray] = {}
         self.correlation: dict[int, np.ndarray] = {}
         self.budget = settings.budget_s * RATE
         if settings.begins is None:
-            self.begins = begins(settings.seed, settings.starts, "angular" in given.use, settings.brushes)
+            draws = (QUICK_DRAWS if self.quick else DRAWS) if self.by_fields else 0
+            self.begins = begins(settings.seed, settings.starts, "angular" in given.use, settings.brushes, draws)
         else:
             self.begins = [(name, np.array(theta, float), dict(extras)) for name, theta, extras in settings.begins]
         self.final: list[int] = []  # attempts that were judged to the end, the best first
-        # what fits leave over: noise of sighting is in it, so it is an upper bound
-        self.most_wander = EXTRAS["wander"][1]
+        self.most_wander = EXTRAS["wander"][1]  # what fits leave over, noise of sighting included: an upper bound
         self.interrupted, self.notes = False, []
         self.idle: list[str] = []  # attempts that were left out, since their animals hardly interact
 
@@ -209,7 +213,8 @@ class _Search:
             for k, (_, theta, extras) in enumerate(self.begins)
         ]
         random = [name.startswith("random") for name, _, _ in self.begins]
-        fits = np.array(random) if self.quick and any(random) else np.ones(len(random), bool)
+        draw = np.array([name.startswith("draw") for name, _, _ in self.begins])
+        fits = np.array(random) if self.quick and any(random) else ~draw
         count = int(fits.sum())
         self.say(0, count, np.nan, "descents")
         chosen = [task for task, fit in zip(tasks, fits, strict=True) if fit]
@@ -317,7 +322,7 @@ class _Search:
         self.say(0, len(which), np.nan, "trials")
         beside = workers.map(trial, [self._trial(k, seed, False, False) for k in which])
         far = [total(means_of(run)) for run in beside]
-        many, half = max(4, len(which) // 3), max(4, -(-len(which) // 2))
+        many, half = max(4, min(TWICE, len(which) // 3)), max(4, -(-len(which) // 2))
         kept = [which[k] for k in np.argsort(far, kind="stable")[:half]]
         scores = self._judge(workers, kept, [seed], False, "trials")
         self.budget -= self.cost * (len(which) - len(kept)) * DT / COARSE_DT  # as if all had been tried to the end
@@ -340,7 +345,7 @@ class _Search:
 
     def _evolve(self, workers):
         """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
-        parents = self.ranked[:2]
+        parents = self.ranked[: 1 if self.by_fields else 2]  # a draw is farther from where it leads to
         finalists, dt = self._finals
         staying = 0.0 if self.quick else self.cost_of_keeping * KEEPERS
         choice = self.cost * 2 * 3 * (finalists + 2 * len(parents)) * DT / dt + staying
@@ -353,7 +358,7 @@ class _Search:
     def _evolve_one(self, workers, parent, generations, number, many):
         begin = self.attempts[parent]
         code = Code(begin.theta, begin.extras, "angular" in self.given.use, self.most_wander)
-        cloud = Evolution(code.numbers, 0.05, GENERATION, (self.seed, 3, number))
+        cloud = Evolution(code.numbers, WIDE_STEP if self.by_fields else STEP, GENERATION, (self.seed, 3, number))
         worths, best = [begin.score], None
         for g in range(generations):
             asked = cloud.ask()
@@ -459,7 +464,7 @@ class _Search:
         return kept[max(near, key=lambda k: len(self.attempts[k].name))] if near else None
 
     def _alike(self, chosen):
-        """Those that are about as good, wherever they came from."""
+        """Those about as good, wherever they came from."""
         limit = 1.25 * self.attempts[chosen].score + 0.1
         return [self.attempts[chosen]] + [a for k, a in enumerate(self.attempts) if k != chosen and a.score <= limit]
 

@@ -76,7 +76,8 @@ def within(evidence: Evidence, region: Region) -> Evidence | None:
         name: np.where(seen, getattr(fields, name), np.nan) for name in ("speed_variance", "angular_variance", "speed")
     }
     velocity = np.where(seen[..., None], fields.velocity, np.nan)
-    part = replace(fields, density=density, velocity=velocity, seen=seen, count=count, at_edge=None, **unknown)
+    unknown |= {"at_edge": None, "pairs": None}
+    part = replace(fields, density=density, velocity=velocity, seen=seen, count=count, **unknown)
     sightings = None if evidence.sightings is None else _within(evidence.sightings, fields, here)
     speed = None
     if evidence.speed is not None and len(part) > 1:

@@ -279,7 +279,7 @@ class PlaneHerd:
     body, vision : BodySpec, VisionSpec
         The body's radius counts as a share of its length.
     ids : (n,) int, optional
-        Entities, for noise; 1 to n unless told, as in a fresh world.
+        Entities, for noise; 1 to n by default, as in a fresh world.
     around : Surroundings
         Its gates are for `rollout`.
     """

@@ -1,12 +1,12 @@
-"""How like a clip a simulated herd is: the same measures of both, taken in the same way.
+"""Distance of a simulated herd from a clip: the same measures of both, taken in the same way.
 
-A `View` is what can be seen of a herd in each frame: points with a heading and a weight.  Of a clip whose animals can
-be told apart these are the animals; else they are the cells of its fields.  A simulated herd is looked at through the
-same window and, where the clip has only fields, put on the same grid first.  So what the view loses, it loses of both.
+A `HerdView` is what can be seen of a herd in each frame: points with a heading and a weight. If the animals of a clip
+can be told apart, the points are the animals, else the cells of its fields. A simulated herd is viewed through the same
+window and, if the clip has only fields, on the same grid. Both thus lose the same information.
 
-A score is a distance in the clip's own standard deviations over its frames, with floors: .05 of what lies between 0
-and 1, a twentieth of what is a length or a speed.  0 is the same herd; about 1 a herd as different as two moments of
-the clip.
+A distance is given in standard deviations of the clip over its frames, which are at least .05 for measures between 0
+and 1, and a twentieth of the mean for lengths and speeds. 0 is the same herd; about 1 is a herd as different as two
+moments of the clip.
 
 References
 ----------
@@ -24,8 +24,9 @@ from scipy.spatial import cKDTree
 
 from flockbrush.engine.maths import atan2_
 from flockbrush.film.observations import Evidence, Fields
+from flockbrush.film.pair_density import RING, RINGS, pairs_of_bodies
 from flockbrush.learning.axis_variance import mean_variance, variance_told
-from flockbrush.learning.herd_views import HerdView, told_apart, view_of, view_of_run
+from flockbrush.learning.herd_views import HerdView, in_picture, told_apart, view_of, view_of_run
 from flockbrush.learning.rollout import Run
 
 FLOOR = 0.05  # of a share; and of a length or speed, so many times its mean
@@ -41,9 +42,17 @@ LENGTHS = ("aspect", "spread", "density", "nearest neighbour", "speed")
 MEASURES = SHARES + LENGTHS
 LYING, LEAST_LYING = 0.2, 2.0  # of the logarithm of the variance of directions in a photograph; degrees² it is told to
 # weights; 1 for the others
-COUNTS = {"directions": 3.0, "polarization": 3.0, "milling": 3.0, "nearest neighbour": 2.0, "spacing": 6.0}
+COUNTS = {
+    "directions": 3.0,
+    "polarization": 3.0,
+    "milling": 3.0,
+    "nearest neighbour": 2.0,
+    "spacing": 6.0,
+    "pairs": 3.0,
+}
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
+BEYOND_BODY = np.arange(RINGS) * RING >= 0.5  # rings of `flockbrush.film.pair_density` that are not the body's own
 KNOWN = 0.5  # of its moments a measure must be told in to count
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
@@ -52,16 +61,24 @@ LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "dens
 
 
 def measures_of(view: HerdView, every=1) -> dict[str, np.ndarray]:
-    """The measures of a herd over time, {name: (frames looked at,)}; NaN where one has no meaning.
+    """The measures of a herd over time.
 
-    ``polarization`` and ``milling`` are eqs. 12 and 13 of [1]_, about the centroid or the picture's middle; ``aspect``
-    is the extent across over that along the common heading; ``spread`` the root mean square distance to the centroid;
-    ``density`` that which an animal has around it; ``order nearby`` how far headings agree within two body lengths.
+    ``polarization`` and ``milling`` are eqs. 12 and 13 of [1]_, about the centroid, or about the middle of the picture;
+    ``aspect`` is the extent across the common heading divided by that along it; ``spread`` the root mean square
+    distance to the centroid (BL); ``density`` the mean local density (1/BL²); ``order nearby`` the mean cosine between
+    headings within two body lengths; ``largest part`` the share of the largest connected group; ``nearest neighbour``
+    in BL, ``speed`` in BL/s.
 
     Parameters
     ----------
+    view : HerdView
     every : int
-        Look at every so many frames.
+        Use every n-th frame.
+
+    Returns
+    -------
+    dict of str to (frames,) ndarray
+        NaN where a measure is undefined.
     """
     rows = [_measures(view, view.of(t)) for t in range(0, len(view), every)]
     return {name: np.array([row[name] for row in rows]) for name in MEASURES}
@@ -99,7 +116,7 @@ def _turning(offset, heading, share):
 
 
 def _aspect(offset, mean, share):
-    """Extent across over extent along, without the outermost hundredth on each side."""
+    """Extent across divided by extent along the mean heading, without the outer 1 % on each side; NaN without order."""
     size = np.hypot(*mean)
     if size < 0.2 or len(offset) < 5:
         return np.nan
@@ -117,7 +134,7 @@ def _extent(values, share):
 
 
 def _crowding(view, xy, weight, trust):
-    """Animals per BL² about an animal: on cells of at least two BL."""
+    """Mean density around an animal, 1/BL², on cells of at least two BL."""
     side = 2.0 if view.single else max(1, round(2.0 / view.cell)) * view.cell
     at = np.floor((xy - view.middle) / side).astype(np.int64)
     at -= at.min(0)
@@ -127,7 +144,7 @@ def _crowding(view, xy, weight, trust):
 
 
 def _neighbours(xy, heading, share, known, view, trust):
-    """Mean distance to the nearest neighbour, order nearby, and the share of the largest part."""
+    """Mean distance to the nearest neighbour (BL), order nearby, and the share of the largest part."""
     reach, link = (NEAR, LINK) if view.single else (1.5 * view.cell, max(LINK, 1.5 * view.cell))
     if len(xy) < 2:
         return np.nan, np.nan, 1.0
@@ -137,7 +154,7 @@ def _neighbours(xy, heading, share, known, view, trust):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _neighbour_kernel(xy, heading, share, known, trust, reach, link):
-    """All pairs once: who is nearest, whose headings agree within reach, who belongs together by links."""
+    """The same for all pairs: groups are joined by links (union-find), `reach` and `link` are in BL."""
     n = len(xy)
     least, root = np.full(n, np.inf), np.arange(n)
     agree, weight = 0.0, 0.0
@@ -169,10 +186,11 @@ def _neighbour_kernel(xy, heading, share, known, trust, reach, link):
 
 
 def neighbour_map(view: HerdView, reach=REACH, rings=8, sectors=8, every=4):
-    """Where neighbours are found: animals per BL², by distance and bearing, left and right as one, (rings, sectors).
+    """Animals per BL² around an animal by distance and bearing, (rings, sectors): the histogram of section 7.1.2 of
+    [1]_.
 
-    Row 0 is nearest, column 0 ahead, the last one behind: the radial density histogram of section 7.1.2 of [1]_.  Of
-    fields the cells are counted, by how many animals they hold.
+    Row 0 is nearest, column 0 ahead, the last column behind; left and right are added. `reach` is the largest
+    distance, BL. Of fields the cells are counted, weighted by their number of animals. Every `every`-th frame is used.
     """
     number, animals = np.zeros((rings, sectors)), 0.0
     for t in range(0, len(view), every):
@@ -187,7 +205,7 @@ def neighbour_map(view: HerdView, reach=REACH, rings=8, sectors=8, every=4):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count_neighbours(xy, heading, weight, counts, reach, number):
-    """Add every pair within reach to (rings, sectors), as each of the two, who counts so much, sees the other."""
+    """Add each pair within reach to `number` (rings, sectors), once from the view of each animal."""
     rings, sectors = number.shape
     for i in range(len(xy)):
         for j in range(i + 1, len(xy)):
@@ -202,13 +220,13 @@ def _count_neighbours(xy, heading, weight, counts, reach, number):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sector(forward_x, forward_y, x, y, sectors):
-    """Of the bearing of (x, y) from 0 to pi, either side."""
+    """The sector of the bearing of (x, y), 0 to π on either side."""
     bearing = atan2_(abs(forward_x * y - forward_y * x), forward_x * x + forward_y * y)
     return min(int(bearing / np.pi * sectors), sectors - 1)
 
 
 def map_error(a, b):
-    """How unlike two neighbour maps are, by rings as wide as they weigh: 0 the same, 1 nothing in common."""
+    """Weighted difference of two neighbour maps, by the area of the rings: 0 the same, 1 nothing in common."""
     area = 2.0 * np.arange(len(a))[:, None] + 1.0
     return float((area * np.abs(a - b)).sum() / max((area * (a + b)).sum(), 1e-12))
 
@@ -217,7 +235,11 @@ def map_error(a, b):
 
 
 def density_errors(simulated: Fields, target: Fields):
-    """Per frame: ε_D of [1]_ and the symmetric share of animals in the wrong cell, {name: (T,)}, on a coarse grid."""
+    """ε_D of section 7.1.2 of [1]_ and a symmetric density error of `Fields`, on `COARSE` x `COARSE` cells.
+
+    Returns ``density error`` (relative; NaN in frames without animals) and ``symmetric density error`` (0 to 1, the
+    share of animals in the wrong cell), (T,) each.
+    """
     a, b = _coarse(simulated, target), _coarse(target, target)
     asymmetric, symmetric = [], []
     for mine, theirs in zip(a, b, strict=False):
@@ -229,7 +251,7 @@ def density_errors(simulated: Fields, target: Fields):
 
 
 def _coarse(fields, like):
-    """(T, COARSE, COARSE) animals per BL² on a grid over the picture of ``like``; who is beyond is at its border."""
+    """Animals per BL², (T, COARSE, COARSE), on a grid over `like`; animals beyond are counted at its border."""
     ny, nx = like.shape
     side = max(nx, ny) * like.cell / COARSE
     out = np.zeros((len(fields), COARSE, COARSE))
@@ -242,7 +264,10 @@ def _coarse(fields, like):
 
 
 def velocity_errors(run: Run, target: Fields):
-    """ε_V of [1]_ per frame, (T,): mean |unit heading - unit velocity of the clip| over animals in its busy cells."""
+    """ε_V of section 7.1.2 of [1]_, (T,): mean |unit heading - unit velocity of the clip|, 0 to 2.
+
+    Over animals in cells where the clip shows motion; NaN in frames without any.
+    """
     out = np.full(min(len(run), len(target)), np.nan)
     for t in range(len(out)):
         rows = run.of(t)
@@ -261,7 +286,7 @@ def velocity_errors(run: Run, target: Fields):
 
 @dataclass
 class ClipTarget:
-    """A clip's measures, to which herds are compared."""
+    """The measures of a clip, with which simulated herds are compared."""
 
     over_time: dict[str, np.ndarray]  # (frames looked at,)
     mean: dict[str, float]
@@ -275,10 +300,12 @@ class ClipTarget:
     # (9,) BL, deciles of the distances to the nearest neighbour in a photograph; NaN of a film
     spacing: np.ndarray = field(default_factory=lambda: np.full(9, np.nan))
     headed: bool = True  # whether headings are known
+    pairs: np.ndarray | None = None  # (RINGS,) of a film of animals that cannot be told apart, means over its frames
+    pairs_scale: float = FLOOR  # mean of what its frames are off that
 
     @classmethod
     def of(cls, evidence: Evidence, every=None, single=None):
-        """Of a clip, looked at some forty times."""
+        """The measures of a clip, at about forty frames or every `every`-th; `single`: animals are told apart."""
         single = told_apart(evidence) if single is None else single
         every = max(1, len(evidence.fields) // 40) if every is None else every
         view = view_of(evidence, single)
@@ -298,13 +325,18 @@ class ClipTarget:
         around, headed = neighbour_map(view), evidence.fields.tells_motion
         spacing = spacings([view.xy[view.of(0)]] if single and not headed else [])
         directions = _directions(evidence.fields)
-        return cls(over_time, mean, scale, around, every, single, end, end_scale, directions, spacing, headed)
+        told = over_time, mean, scale, around, every, single, end, end_scale, directions, spacing, headed
+        if single or evidence.fields.pairs is None:
+            return cls(*told)
+        pairs = np.asarray(evidence.fields.pairs)[::every]
+        usual = mean_pairs(pairs)
+        return cls(*told, usual, max(float(np.mean([pairs_off(row, usual) for row in pairs])), FLOOR))
 
 
 def _in_the_end(values, mean, scale):
-    """What a measure of a clip comes to, and how sure that is: its mean, unless it rises or falls all the while.
+    """The final value of a measure and its standard deviation: the mean, or the last value if there is a trend.
 
-    A herd that is still coming into order will hardly keep the order it had on the way.
+    A herd that is still gaining order is unlikely to keep the order it had before.
     """
     third = max(1, len(values) // 3)
     first, last = _mean(values[:third]), _mean(values[-third:])
@@ -316,13 +348,26 @@ def _in_the_end(values, mean, scale):
 
 
 def spacings(looks) -> np.ndarray:
-    """(9,) deciles of the distances to the nearest neighbour of animals at (n, 2) BL at some moments; NaN of none."""
+    """Deciles (9,) of the distance to the nearest neighbour, BL, over moments of (n, 2) BL; NaN without animals."""
     far = [cKDTree(xy).query(xy, k=2)[0][:, 1] for xy in looks if len(xy) > 1]
     return np.quantile(np.concatenate(far), np.arange(1, 10) / 10) if far else np.full(9, np.nan)
 
 
+def mean_pairs(rows) -> np.ndarray:
+    """(RINGS,) means over frames, of the rings that most of them tell."""
+    rows = np.asarray(rows)
+    told = np.isfinite(rows).mean(0) >= KNOWN
+    return np.where(told, np.nan_to_num(rows).sum(0) / np.maximum(np.isfinite(rows).sum(0), 1), np.nan)
+
+
+def pairs_off(a, b) -> float:
+    """How unlike the densities around a body are, beyond its own length: 0 the same, 2 nothing in common."""
+    both = np.isfinite(a) & np.isfinite(b) & BEYOND_BODY
+    return float(2 * np.abs(a - b)[both].sum() / max((a + b)[both].sum(), 1e-12))
+
+
 def _directions(fields):
-    """How varied the directions of a photograph are, degrees²; NaN of a film, whose motion tells more."""
+    """Variance of directions in a photograph, degrees²; NaN for a video, whose motion shows more."""
     if np.isfinite(fields.velocity).any() or not np.isfinite(fields.angular_variance).any():
         return np.nan
     return variance_told(fields)
@@ -341,13 +386,21 @@ def _floor(name, mean):
 
 
 def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) -> dict[str, float]:
-    """How far a run is from a clip, by measure, in the clip's deviations; the run began as the clip's first frame.
+    """Distance of a run from a clip, by measure, in standard deviations; the run starts as the first frame of the clip.
 
     Parameters
     ----------
+    run : Run
+    evidence : Evidence
+    target : ClipTarget
     lasting : bool
-        The run is longer than the clip: compare means over its last two thirds, of what should stay as it is, with
-        what the clip comes to.
+        The run is longer than the clip: compare the means over its last two thirds with the final values of the clip,
+        for the measures in `LASTING`.
+
+    Returns
+    -------
+    dict of str to float
+        At most `FARTHEST` each; measures that the clip does not show are left out.
     """
     view = view_of_run(run, evidence, target.single)
     every = max(1, len(run) // LOOKS) if lasting else target.every
@@ -364,6 +417,12 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
         looks = [view.xy[view.of(t)] for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
         off = np.log(np.maximum(spacings(looks), 1e-3) / np.maximum(target.spacing, 1e-3))
         out["spacing"] = float(np.nan_to_num(min(np.sqrt(np.mean(off**2)) / SPACING, FARTHEST), nan=FARTHEST))
+    if target.pairs is not None:
+        inside = in_picture(run, evidence.fields)
+        looks = [np.flatnonzero(inside[run.of(t)]) + run.first[t] for t in range(0, len(run), every)]
+        mine = [pairs_of_bodies(run.xy[r], run.forward[r], evidence.radius_bl) for r in looks]
+        mine = mean_pairs(mine[len(mine) // 3 :] if lasting else mine)
+        out["pairs"] = _in_deviations(pairs_off(mine, target.pairs), target.pairs_scale)
     around, theirs = neighbour_map(view, every=max(4, len(run) // LOOKS)), target.map
     if not target.headed:  # then only how far neighbours are is known, and not where
         around, theirs = around.mean(1, keepdims=True), theirs.mean(1, keepdims=True)
@@ -372,10 +431,10 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
 
 
 def order_off(run: Run, evidence: Evidence, target: ClipTarget) -> dict[str, float]:
-    """How far the order and the turning of a longer run are from a clip's, whatever the number of its animals.
+    """Distance of polarization and milling of a longer run from those of a clip, in standard deviations.
 
-    A few animals that head anywhere are by chance more polarized than many; what chance makes is taken out of both,
-    and one deviation is at least what it does to so few.
+    It does not depend on the number of animals: a few with random headings are more polarized than many. The expected
+    value of random headings is removed from both, and the standard deviation is at least the one due to chance.
     """
     seen, out = measures_of(view_of_run(run, evidence, target.single)), {}
     for name, of_one in CHANCE.items():
@@ -389,13 +448,13 @@ def order_off(run: Run, evidence: Evidence, target: ClipTarget) -> dict[str, flo
 
 
 def beyond_chance(share, animals, of_one):
-    """What is left of the polarization or milling of so many animals without that of as many strangers."""
+    """Polarization or milling (0 to 1) without the part expected of so many animals with random headings."""
     chance = of_one / max(animals, 2.0)
     return float(np.sqrt(max(share**2 - chance, 0.0) / (1.0 - chance)))
 
 
 def _off(mine, target, name):
-    """Half of it frame by frame, half as means: chance moves frames apart, not means."""
+    """Half the mean difference frame by frame and half the difference of means, in standard deviations."""
     theirs = target.over_time[name]
     k = min(len(mine), len(theirs))
     both = np.isfinite(mine[:k]) & np.isfinite(theirs[:k])
@@ -412,7 +471,7 @@ def _in_deviations(gap, scale):
 
 
 def total(parts: dict[str, float]) -> float:
-    """One number of the parts of a distance: their root mean square, with the weights of `COUNTS`."""
+    """Weighted root mean square of the parts of a distance, with the weights `COUNTS`; infinite without parts."""
     if not parts:
         return np.inf
     weights = [COUNTS.get(name.removeprefix("lasting "), 1.0) for name in parts]

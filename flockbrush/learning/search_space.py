@@ -32,10 +32,10 @@ def turn_limits(clips):
     return [float(np.clip(q, 0.5, 20.0)) for q in np.quantile(turns, LIMITS)] if len(turns) > 100 else []
 
 
-def begins(seed, starts, angular, brushes):
-    """[(name, theta, extras)]: random ones, and all shipped brushes of the herd model.
+def begins(seed, starts, angular, brushes, draws=0):
+    """[(name, theta, extras)]: random ones, all shipped brushes of the herd model, and more random ones to be tried.
 
-    Every second random one sees twice as far.
+    Every second random one sees twice as far.  The weights of draws are squares: a force may well be weak.
     """
     out = []
     for k in range(starts):
@@ -47,6 +47,10 @@ def begins(seed, starts, angular, brushes):
         brush = library.get(name)
         if brush.model == "herd" and brush.provenance.kind != "learned":  # perhaps from this very clip
             out.append((name, theta_of(brush.params), _extras_of(brush.params)))
+    for k in range(draws):
+        theta = np.random.default_rng([seed, 9, k]).uniform(0.02, 1.0, 12)
+        theta[0::3] **= 2
+        out.append((f"draw {k + 1}", theta, {"neighbour_range": SIGHTS[k % 2], "wander": 0.0}))
     if not angular:
         out = [(name, np.where(np.arange(12) % 3 == 2, 1.0, theta), extras) for name, theta, extras in out]
     return out

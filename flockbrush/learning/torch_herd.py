@@ -139,7 +139,7 @@ def forces(theta, sight: TorchPercept, forward=None, others=None):
 
 def headings(
     theta, sight: TorchPercept, dt=DT, *, sensitivity=SENSITIVITY, forward=None, others=None, leader_blend=0.0,
-    unled_returns=True, leaders=True,
+    unled_returns=True, leaders=True, turn_bias=0.0,
 ):  # fmt: skip
     """The next unit heading of every animal (eqs. 2-5), (n, 2): what `herd_kernel` gives.
 
@@ -154,14 +154,15 @@ def headings(
         Headings other than those of ``sight``.
     others : (n, 2) tensor, optional
         What the neighbours' headings are, if not ``forward``.
-    leader_blend, unled_returns
+    leader_blend, unled_returns, turn_bias
         As in `flockbrush.behaviours.models.herd.Params`.
     leaders : bool
         False: leaders obey the forces, too.
     """
     forward = sight.forward if forward is None else forward
     turn = dt * sensitivity
-    heading = forward + turn * forces(theta, sight, forward, others)
+    left = torch.stack([-forward[:, 1], forward[:, 0]], dim=1)
+    heading = forward + turn * forces(theta, sight, forward, others) + dt * turn_bias * left
     if leaders and bool(sight.leader.any()):
         heading = _led(heading, forward, sight, turn, leader_blend, unled_returns)
     return _unit_or(heading, forward)

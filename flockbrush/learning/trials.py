@@ -22,7 +22,16 @@ from flockbrush.learning.rollout import DT, Surroundings, params_of, rollout, th
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
-WHERE_DENSITY_COUNTS = ("aspect", "spread", "density", "nearest neighbour", "largest part", "neighbours", "spacing")
+WHERE_DENSITY_COUNTS = (
+    "aspect",
+    "spread",
+    "density",
+    "nearest neighbour",
+    "largest part",
+    "neighbours",
+    "spacing",
+    "pairs",
+)
 WHERE_ORDER_COUNTS = ("order nearby", "directions")
 FEWEST = 24  # frames, with fewer nothing is held back
 BEGINS = 0.0, 0.25, 0.5  # of the frames that are used, at which trials begin

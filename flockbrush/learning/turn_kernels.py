@@ -1,4 +1,9 @@
-"""Kernels of the turns that a model expects of animals."""
+"""Kernels that predict the turns of observed animals by the herd model, with derivatives for the fit.
+
+The equations are those of `flockbrush.behaviours.models.herd` (Gong et al. 2025); theta (12,) holds weight, radial
+range and angular range of avoidance, cohesion, alignment and obstacle avoidance, ranges in 0 to 1. Lengths are in body
+lengths (BL).
+"""
 
 from __future__ import annotations
 
@@ -21,7 +26,7 @@ JAMMED = 0.03  # BL of room between bodies below which one hinders the other in 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def room_kernel(percept, half, radius, free):
-    """The share of `JAMMED` that the nearest body leaves each animal, where it is less than `free` (n,) says."""
+    """Lower `free` (n,) to the gap to the nearest body divided by `JAMMED`, 0 to 1; `half` and `radius` in BL."""
     forward, first, near, offset = percept.forward, percept.first, percept.near, percept.offset
     for i in range(len(free)):
         for at in range(first[i], first[i + 1]):
@@ -37,7 +42,20 @@ def room_kernel(percept, half, radius, free):
 
 
 def is_inside(evidence, frames, reach):
-    """(n,) bool: whose surroundings are in the picture as far as it sees, where the picture cuts a herd."""
+    """Whether the surroundings of each sighting are inside the picture, if the picture shows only part of a herd.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    frames : iterable of int
+    reach : float
+        BL.
+
+    Returns
+    -------
+    (n,) bool ndarray
+        For all sightings of these frames, one after the other.
+    """
     seen, fields, cut = evidence.sightings, evidence.fields, Gates.of(evidence.fields) is not None
     out = []
     for t in frames:
@@ -51,7 +69,7 @@ def is_inside(evidence, frames, reach):
 
 
 class TurnLaw(NamedTuple):
-    """What says a turn besides theta."""
+    """Parameters of a turn other than theta."""
 
     sensitivity: float  # Ω, 1/s
     neighbour_range: float  # BL
@@ -60,7 +78,7 @@ class TurnLaw(NamedTuple):
 
 
 class Gaussians(NamedTuple):
-    """The forces' Gaussians, (4,) each: avoidance, cohesion, alignment, walls."""
+    """The Gaussians of the four forces, (4,) each: avoidance, cohesion, alignment, obstacles."""
 
     weight: np.ndarray
     # -(d² radial + b² angular) is the exponent at a distance d and bearing b
@@ -72,7 +90,7 @@ class Gaussians(NamedTuple):
 
 
 class ForceSums(NamedTuple):
-    """The sum of each force, then its derivatives by radial range, angular range and the heading, (4, 4) each."""
+    """Sum of each force, and its derivatives by radial range, angular range and heading, (4, 4) each."""
 
     x: np.ndarray
     y: np.ndarray
@@ -85,9 +103,19 @@ X, Y, VX, VY, GX, GY, COSINE, SINE, KIN, ALL, AT_X, AT_Y, FAR2, ASIDE2, ASIDE = 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def turn_kernel(lo, hi, turns, theta, law, turn, slope):
-    """Some ticks of the herd model with the neighbours as they were seen, and the derivatives of the heading.
+    """Predict turns over some ticks with the neighbours as observed, and their derivatives by theta.
 
-    Of `Turns`, with theta (12,): ``turn`` (k,) rad, ``slope`` (k, 12); of three dimensions, it is not computed.
+    Parameters
+    ----------
+    lo, hi : int
+        Rows of `Turns`.
+    turns : Turns
+    theta : (12,) ndarray
+    law : TurnLaw
+    turn : (k,) ndarray
+        Output, rad.
+    slope : (k, 12) ndarray
+        Output: derivatives of `turn`; with three dimensions nothing is written.
     """
     forces, sums, sloped = _gaussians(theta), ForceSums(np.zeros((4, 4)), np.zeros((4, 4))), slope.ndim == 2
     d, dx, dy = np.empty(12), np.empty(12), np.empty(12)
@@ -258,7 +286,7 @@ def _next_heading(sums, forces, gain, fx, fy, d, dx, dy, sloped):
 
 @njit(inline="always")
 def _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy):
-    """The heading that bodies leave to whom they touch, as in `flockbrush.systems.contact`, with its derivatives."""
+    """The heading after deflection by touching bodies, as in `flockbrush.systems.contact`, with derivatives."""
     percept, velocity, half, touch = turns.percept, turns.velocity, turns.half, 2.0 * turns.radius
     touch_far = ((1.0 + SKIN) * touch + 2.0 * half) ** 2
     for at in range(percept.first[i], percept.first[i + 1]):
@@ -280,7 +308,11 @@ def _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy):
 
 @njit(inline="always")
 def aside_of_(fx, fy, half, x, y, gx, gy, touch):
-    """Unit vector to a body at (x, y), and the share of a heading into it that it takes away; zeros where it is far."""
+    """Unit vector to a body at (x, y) BL, and the share of a heading towards it that contact removes; 0 when far.
+
+    The bodies have headings (fx, fy) and (gx, gy) and axes of half-length `half`; `touch` is the distance at contact
+    (BL).
+    """
     ox, oy, far, room = towards_body_(x, y, fx, fy, half, gx, gy, half, touch)
     if room <= 0.0:
         return 0.0, 0.0, 0.0
@@ -289,7 +321,7 @@ def aside_of_(fx, fy, half, x, y, gx, gy, touch):
 
 @njit(inline="always")
 def _limited(change, limit, drift):
-    """A turn that wanders by ``drift`` rad and is then limited, on average; and its derivative by the turn."""
+    """Expected turn (rad) after noise of standard deviation `drift` and a limit, and its derivative by the turn."""
     if drift <= 1e-9:
         if abs(change) <= limit:
             return change, 1.0

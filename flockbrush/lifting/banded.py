@@ -1,6 +1,6 @@
-"""Symmetric banded systems, in one thread and without the interpreter's lock: solved beside a window that is drawn.
+"""Symmetric banded systems, solved on one thread without the interpreter's lock, while a window is drawn.
 
-A matrix is held by the rows of its upper half, (n, band + 1): ``bands[i, k]`` is the element in row i and column i + k.
+A matrix is stored by the rows of its upper half, (n, band + 1): ``bands[i, k]`` is the element (i, i + k).
 """
 
 from __future__ import annotations
@@ -11,7 +11,17 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def banded_product(bands, vector):
-    """The matrix times a vector, (n,)."""
+    """Product of a symmetric banded matrix and a vector.
+
+    Parameters
+    ----------
+    bands : (n, band + 1) ndarray
+    vector : (n,) ndarray
+
+    Returns
+    -------
+    (n,) ndarray
+    """
     n, wide = bands.shape
     out = np.zeros(n)
     for i in range(n):
@@ -24,9 +34,19 @@ def banded_product(bands, vector):
 
 @njit(cache=True, nogil=True)
 def solve_banded(bands, side):
-    """The solution of a positive definite system, (n,); NaN where it is not positive definite.
+    """Solution of a positive definite banded system, by Cholesky decomposition in place.
 
-    Cholesky's decomposition in place: the bands are used up.
+    Parameters
+    ----------
+    bands : (n, band + 1) ndarray
+        Is overwritten.
+    side : (n,) ndarray
+        Right-hand side.
+
+    Returns
+    -------
+    (n,) ndarray
+        NaN when the matrix is not positive definite.
     """
     n, wide = bands.shape
     x = side.copy()
@@ -57,10 +77,9 @@ def add_squares(bands, places, vectors, weight):
 
     Parameters
     ----------
-    bands : (size, wide) ndarray
-        Row i holds what is at (i, i), (i, i + 1), ...
-    places : (n,) ndarray of int
-        Rows that the vectors are of, in ascending order.
+    bands : (size, band + 1) ndarray
+    places : (n,) int ndarray
+        Rows of the system to which the columns of `vectors` belong, ascending.
     vectors : (k, n) ndarray
     weight : float
     """

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from flockbrush.engine.files import write_text
+from flockbrush.film.tracks import central_differences
 from flockbrush.lifting.lift_solver import LiftedFlight
 from flockbrush.output.trajectory_table import COLUMNS
 
@@ -49,19 +50,10 @@ def attitude(xyz, fps):
     bank : (F, N) ndarray
         Radians, positive with the right wing down: lift carries weight and turns, as in Reynolds 1987.
     """
-    velocity = _slope(xyz) * fps
-    acceleration = _slope(velocity) * fps
+    velocity = central_differences(xyz) * fps
+    acceleration = central_differences(velocity) * fps
     flat = np.hypot(velocity[..., 0], velocity[..., 1])
     pitch = np.arctan2(velocity[..., 2], flat)
     right = np.stack([velocity[..., 1], -velocity[..., 0]], axis=-1) / np.maximum(flat, 1e-9)[..., None]
     across = (acceleration[..., :2] * right).sum(-1)
     return velocity, pitch, np.arctan2(across, GRAVITY + acceleration[..., 2])
-
-
-def _slope(values):
-    """Differences per frame along the first axis, central where both neighbours are there, (F, ...)."""
-    ahead, behind = np.full_like(values, np.nan), np.full_like(values, np.nan)
-    ahead[:-1] = values[1:] - values[:-1]
-    behind[1:] = ahead[:-1]
-    both = 0.5 * (ahead + behind)
-    return np.where(np.isfinite(both), both, np.where(np.isfinite(ahead), ahead, behind))

@@ -158,16 +158,16 @@ class Show:
     def facts(self, k) -> list[str]:
         """What there is to know of the birds of frame k, a line each."""
         rows = self.there(k)
-        told = [f"{len(rows)} {self.animal}{'s' * (len(rows) != 1)}"]
+        facts = [f"{len(rows)} {self.animal}{'s' * (len(rows) != 1)}"]
         if len(rows):
             speed = np.linalg.norm(self.velocity[k, rows], axis=-1).mean()
             away = np.linalg.norm(self.flight.xyz[k, rows], axis=-1)
             order = np.linalg.norm(_unit(self.velocity[k, rows]).mean(0))
-            told[0] += f" at {speed:.1f} m/s"
-            told += [f"polarization {order:.3f}", f"{away.min():.0f} to {away.max():.0f} m from the origin"]
+            facts[0] += f" at {speed:.1f} m/s"
+            facts += [f"polarization {order:.3f}", f"{away.min():.0f} to {away.max():.0f} m from the origin"]
             if self.camera is not None:
-                told[-1] = f"{away.min():.0f} to {away.max():.0f} m from the camera"
-        return told
+                facts[-1] = f"{away.min():.0f} to {away.max():.0f} m from the camera"
+        return facts
 
     def about(self, k, bird) -> str:
         """A line about one bird of frame k, empty when it is not there."""
@@ -182,8 +182,8 @@ class Show:
 
     def row(self, bird):
         """Row of a bird by its number, None when there is none."""
-        found = np.flatnonzero(self.flight.ids == bird) if bird is not None else ()
-        return int(found[0]) if len(found) else None
+        rows = np.flatnonzero(self.flight.ids == bird) if bird is not None else ()
+        return int(rows[0]) if len(rows) else None
 
     @property
     def floor(self) -> float:
@@ -261,11 +261,11 @@ class Show:
         frame = self.flight.first + k
         marks = Marks((str(frame),), names, x[None] / self.span, y[None] / self.span)
         about = {"marks": Path(self.name).name, "frame": frame, "wingspan_m": self.span, "method": "lifted from tracks"}
-        found = extract(marks, Path(self.name).name.split(".")[0], about)
-        if not found.usable:
-            why = found.frames[0].why
+        formation = extract(marks, Path(self.name).name.split(".")[0], about)
+        if not formation.usable:
+            why = formation.frames[0].why
             raise refused(self.name, f"frame {frame}: the birds do not fly in a line formation: {why}")
-        return found
+        return formation
 
     def formation_level(self, k, path) -> Path:
         """Write a brush as `formation_brush` and a level in which birds fly with it; returns the level's path.
@@ -280,7 +280,7 @@ class Show:
         (folder / "brushes").mkdir(exist_ok=True)
         with claimed([folder / "brushes" / path.name]):
             self.formation_brush(k, folder / "brushes" / path.name)
-        sky = LevelSketch(120, 40, 10.0, ".", [], boundary="despawn")
+        sky = LevelSketch(120, 40, 10.0, ".", boundary="despawn")
         sky.document.data["tilesets"] = []
         count = len(self.there(k))
         side = float(np.clip(6.0 * np.sqrt(count), 20, 300))
@@ -302,8 +302,8 @@ class Show:
         """
         from flockbrush.output.formation_brush import write_brush
 
-        found = self.formation(k)
-        learned = write_brush(found, path, like, f"frame {self.flight.first + k} of {Path(self.name).name}")
+        formation = self.formation(k)
+        learned = write_brush(formation, path, like, f"frame {self.flight.first + k} of {Path(self.name).name}")
         return f"{path}: {learned['shape']} of {len(self.there(k))} birds"
 
 
@@ -343,9 +343,11 @@ def _guessed_span(xyz):
     """A wingspan that suits how near birds fly to each other, m."""
     near = []
     for places in xyz[:: max(1, len(xyz) // 20)]:
-        here = places[np.isfinite(places).all(-1)]
-        if len(here) > 1:
-            gaps = np.linalg.norm(here[:, None] - here[None], axis=-1) + np.diag(np.full(len(here), np.inf))
+        known_places = places[np.isfinite(places).all(-1)]
+        if len(known_places) > 1:
+            gaps = np.linalg.norm(known_places[:, None] - known_places[None], axis=-1) + np.diag(
+                np.full(len(known_places), np.inf)
+            )
             near.append(np.median(gaps.min(1)))
     return float(np.clip(np.median(near) / SPANS, *USUAL_SPAN)) if near else 1.0
 

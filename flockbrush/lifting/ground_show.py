@@ -37,22 +37,24 @@ class GroundShow(Show):
 
     def _face(self):
         """Bodies face where the tracks say, also while they stand."""
-        seen = self.evidence.sightings
-        self.forward[seen.frame, seen.track] = np.column_stack([seen.forward, np.zeros(len(seen.xy))])
+        sightings = self.evidence.sightings
+        self.forward[sightings.frame, sightings.track] = np.column_stack(
+            [sightings.forward, np.zeros(len(sightings.xy))]
+        )
 
     def herd(self, k):
         """The animals of frame k as the painters want them."""
-        found, rows = super().herd(k), self.there(k)
+        herd, rows = super().herd(k), self.there(k)
         upright = np.broadcast_to((0.0, 0.0, 1.0), (len(rows), 3))
         radius = self.evidence.radius_bl * self.span
-        return found._replace(length=self.span, radius=radius, wings=None, up=upright)
+        return herd._replace(length=self.span, radius=radius, wings=None, up=upright)
 
 
 def _flat(evidence, length):
-    seen = evidence.sightings
-    count = int(seen.track.max()) + 1
-    xyz = np.full((len(seen), count, 3), np.nan)
-    xyz[seen.frame, seen.track] = np.column_stack([seen.xy * length, np.zeros(len(seen.xy))])
+    sightings = evidence.sightings
+    count = int(sightings.track.max()) + 1
+    xyz = np.full((len(sightings), count, 3), np.nan)
+    xyz[sightings.frame, sightings.track] = np.column_stack([sightings.xy * length, np.zeros(len(sightings.xy))])
     return LiftedFlight(
         xyz, np.linalg.norm(xyz, axis=-1), np.arange(count), int(evidence.fields.frames[0]), evidence.fps
     )

@@ -377,10 +377,10 @@ class _System:
         return better, float(np.abs(step / d).max())
 
     def _solved(self, bands, side):
-        found = solve_banded(bands, side)
-        if not np.isfinite(found).all():
+        solution = solve_banded(bands, side)
+        if not np.isfinite(solution).all():
             raise LiftError("the tracks do not determine any depth; they may all be of one bird")
-        return found
+        return solution
 
 
 def _cost(bands, d):
@@ -390,10 +390,10 @@ def _cost(bands, d):
 
 def _apart(system, bands, depth, wish, rounds=4):
     """Push birds nearer than the separation distance apart, along their rays, at the least cost; for looks."""
-    found = depth[system.there]
-    stiff = bands * (system.volume.sum() / _cost(bands, found))
-    stiff[:, 0] += system.volume / found**2
-    pull = banded_product(stiff, found)
+    depths = depth[system.there]
+    stiff = bands * (system.volume.sum() / _cost(bands, depths))
+    stiff[:, 0] += system.volume / depths**2
+    pull = banded_product(stiff, depths)
     weight = float(np.median(stiff[:, 0])) * wish.separation
     behind = np.sign(np.nan_to_num(depth[:, :, None] - depth[:, None]).sum(0))  # order in depth of every pair
     behind += np.triu(behind == 0) - np.tril(behind == 0).astype(float)
@@ -409,7 +409,7 @@ def _apart(system, bands, depth, wish, rounds=4):
         for f, a, b in sorted(crowded):
             _push(system, stronger, side, f, a, b, depth, weight, behind[a, b], wish.separation_distance)
         depth = system.filled(0.0)
-        depth[system.there] = np.maximum(system._solved(stronger, side), 0.1 * found)
+        depth[system.there] = np.maximum(system._solved(stronger, side), 0.1 * depths)
     return depth
 
 

@@ -1,12 +1,13 @@
-"""Lin's Algorithm 3 as written [1]_: depths frame by frame, by COBYLA between near and far.
+"""Algorithm 3 of Lin's thesis [1]_: depths frame by frame, found by COBYLA between the near and the far bound.
 
-It is quick for five birds, keeps every bird on its ray and within the bounds, and makes flights that look plausible.
-It does not find the depths: its energy is lower for constant depth than for the true flight.  Use
-`flockbrush.lifting.lift_solver` for those.
+It is fast for five birds, keeps every bird on its ray and within the bounds, and gives plausible flights. It does not
+recover depth: its energy is lower for constant depth than for the true flight. Use `flockbrush.lifting.lift_solver` to
+estimate depth.
 
-What the thesis leaves open is settled so: frame 1 at mid-range; frame 2 takes the flock's term too (the initial speed
-alone has two solutions, towards and away); differences of velocities as vectors; squared terms; the cohesion vector
-divides by the number of others; no neighbour, no separation.
+Where the thesis leaves a choice: frame 1 starts at the middle of the range; frame 2 uses the flock term as well (with
+the initial speed alone there are two solutions, towards and away from the camera); differences of velocities are
+vectors; terms are squared; cohesion is divided by the number of other birds; without a neighbour there is no
+separation.
 
 .. [1] Lin, C.-A. (2019). Predicting 3D bird flock motion from 2D projection. Master's thesis, The University of Tokyo.
 """
@@ -29,12 +30,16 @@ def lift_by_thesis(tracks, camera: Camera, wish: LiftWish | None = None) -> Lift
 
     Parameters
     ----------
-    wish : Wish, optional
-        ``evenness`` is not used.
+    tracks : Tracks
+        Pixels.
+    camera : Camera
+    wish : LiftWish, optional
+        Weights; ``evenness`` is not used.
 
     Returns
     -------
-    Flight
+    LiftedFlight
+        Positions in metres, in the axes of the camera.
 
     Raises
     ------
@@ -62,7 +67,7 @@ def lift_by_thesis(tracks, camera: Camera, wish: LiftWish | None = None) -> Lift
 
 
 def _frame(nlopt, f, birds, rays, depth, camera, weights):
-    """Depths of the birds of one frame from those of the two before."""
+    """Depths of the birds of one frame, m, from those of the two frames before."""
     middle = 0.5 * (camera.near + camera.far)
     before = depth[f - 1, birds] if f else np.full(len(birds), np.nan)
     known = np.isfinite(before)
@@ -87,17 +92,22 @@ def _frame(nlopt, f, birds, rays, depth, camera, weights):
 
 @njit(cache=True, nogil=True)
 def energy(d, ray, last, earlier, weights):
-    """What Algorithm 3 minimises in a frame.
+    """The energy that Algorithm 3 minimises in each frame.
 
     Parameters
     ----------
     d : (n,) ndarray
         Depths, m.
     ray : (n, 3) ndarray
+        Unit vectors.
     last, earlier : (n, 3) ndarray
-        Positions one and two frames before, m; NaN for birds that were not there.
+        Positions one and two frames before, m; NaN for birds that were missing.
     weights : (5,) ndarray
-        λ_t, λ_f, w_sep, d_sep (m) and the initial speed, m a frame.
+        λ_t, λ_f, w_sep, d_sep (m) and the initial speed (m per frame).
+
+    Returns
+    -------
+    float
     """
     n = len(d)
     smooth, flock, w_sep, d_sep, step = weights

@@ -42,15 +42,15 @@ def order_confidence(bands, depth, number, there) -> float:
     side[rows, np.arange(len(rows))] = 1.0
     covariance = cho_solve_banded((cholesky_banded(bands.T, lower=True), True), side)[rows]
     values, begin = depth[there], 0
-    found = []
+    shares = []
     for birds in chosen:
         part = slice(begin, begin + len(birds))
         own, begin = covariance[part, part], part.stop
         i, j = np.triu_indices(len(birds), 1)
         gap = values[rows[part]][i] - values[rows[part]][j]
         deviation = np.sqrt(own[i, i] + own[j, j] - 2 * own[i, j])
-        found.append(ndtr(SHARPNESS * np.abs(gap) / np.maximum(deviation, 1e-12)))
-    return float(np.mean(np.concatenate(found)))
+        shares.append(ndtr(SHARPNESS * np.abs(gap) / np.maximum(deviation, 1e-12)))
+    return float(np.mean(np.concatenate(shares)))
 
 
 def _some(birds):

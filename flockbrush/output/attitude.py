@@ -48,11 +48,11 @@ def quaternions(matrices):
     y = np.sqrt(np.maximum(1 - m[:, 0, 0] + m[:, 1, 1] - m[:, 2, 2], 0)) / 2
     z = np.sqrt(np.maximum(1 - m[:, 0, 0] - m[:, 1, 1] + m[:, 2, 2], 0)) / 2
     best = np.argmax([w, x, y, z], axis=0)
-    found = np.empty((len(m), 4))
+    quaternions = np.empty((len(m), 4))
     for k, biggest in enumerate((w, x, y, z)):
         rows = best == k
-        found[rows] = _from(m[rows], k, biggest[rows])
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
+        quaternions[rows] = _from(m[rows], k, biggest[rows])
+    return quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
 
 
 def _from(m, k, biggest):

@@ -55,7 +55,7 @@ class Exports:
     paths : sequence of path
         After `check_exports`.
     fps : float, optional
-        Moments per second; each kind of file has its own unless told: every tick for tables and videos, 24 for USD.
+        Moments per second; each kind of file has its own by default: every tick for tables and videos, 24 for USD.
     edits : EditedMoments, optional
         Edits that all files show.
     options

@@ -58,9 +58,9 @@ class Exporter:
     contents, opens_in : str
         What is in the file and who opens it, for ``flockbrush export --help``.
     fps : float
-        Moments per second unless told; 32 is every tick.
+        Moments per second by default; 32 is every tick.
     labels : bool
-        Whether it writes group and state, which take time to find.
+        Whether it writes group, family and state, which take time to find.
     needs : tuple of (module, package)
         Beyond what Flockbrush itself needs.
     choices : tuple of Option
@@ -165,11 +165,11 @@ def exporter_of(path) -> type[Exporter] | None:
 
 def all_options() -> list[tuple[Option, tuple[str, ...]]]:
     """Options of all exporters, each once, with the file extensions they apply to."""
-    found: dict[str, tuple[Option, tuple[str, ...]]] = {}
+    options: dict[str, tuple[Option, tuple[str, ...]]] = {}
     for ending, kind in exporters().items():
         for option in kind.choices:
-            known, endings = found.get(option.name, (option, ()))
+            known, endings = options.get(option.name, (option, ()))
             if known != option:
                 raise ValueError(f"two exporters declare --{option.name} differently: {endings[0]} and {ending}")
-            found[option.name] = option, (*endings, ending)
-    return list(found.values())
+            options[option.name] = option, (*endings, ending)
+    return list(options.values())

@@ -48,7 +48,7 @@ class ChartCurve(NamedTuple):
     y: np.ndarray
     error: np.ndarray | None = None  # of y, each way
     band: tuple[np.ndarray, np.ndarray] | None = None  # the lowest and the highest that would do
-    colour: str = ""  # by its place unless told
+    colour: str = ""  # by its place by default
     marker: str = ""  # of matplotlib
     width: float = 1.5  # points
     alpha: float = 1.0
@@ -61,7 +61,7 @@ class CurveChart(NamedTuple):
     across: str
     curves: list[ChartCurve]
     words: list[str] | None = None  # x counts these
-    span: tuple[float, float] | None = None  # of the measured axis; as the curves need unless told
+    span: tuple[float, float] | None = None  # of the measured axis; as the curves need by default
     logarithmic: bool = False
     note: str = ""  # below the title
 
@@ -247,9 +247,9 @@ def figure_of(panels, title="", note="", columns=3, theme="light"):
             axes.annotate(
                 panel.note, (0, 1), (0, 5), "axes fraction", "offset points", fontsize=8, color=_web(look.muted)
             )  # fmt: skip
-    said = "\n".join(words for words in (title, note) if words)
-    if said:
-        made.suptitle(said, x=0.01, ha="left", fontsize=11, color=_web(look.ink))
+    heading = "\n".join(words for words in (title, note) if words)
+    if heading:
+        made.suptitle(heading, x=0.01, ha="left", fontsize=11, color=_web(look.ink))
     _legend(made, look)
     return made
 
@@ -324,13 +324,13 @@ def _draw_curve(axes, curve, colour, by_rows):
 
 def _legend(figure, look):
     """Draw a legend above the panels, each name once."""
-    named = {}
+    handles = {}
     for axes in figure.axes:
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
-            named.setdefault(name, handle)
-    if named:
+            handles.setdefault(name, handle)
+    if handles:
         across = max(1, math.floor(figure.get_figwidth() / 1.6))
         figure.legend(
-            named.values(), named.keys(), loc="outside lower left", ncols=min(len(named), across), frameon=False,
+            handles.values(), handles.keys(), loc="outside lower left", ncols=min(len(handles), across), frameon=False,
             fontsize=8, labelcolor=_web(look.muted),
         )  # fmt: skip

@@ -79,7 +79,7 @@ def parameters_of(formation):
         else:  # of a V left and right, of a line one
             slopes.append([abs(numbers[1]), abs(numbers[-1])])
     others = [len(frame.birds) - 1 for frame in same]
-    found = {
+    parameters = {
         "shape": kind,
         "spacing": float(np.clip(np.mean([frame.spacing[0] for frame in same]), 0.9, 10)),
         "left": float(np.mean([frame.leader / max(n, 1) for frame, n in zip(same, others, strict=True)])),
@@ -88,7 +88,7 @@ def parameters_of(formation):
     }
     if slopes:
         left, right = np.clip(np.mean(slopes, axis=0), 0.1, 5)
-        found |= {"slope": float(left), "slope_right": float(right) if kind == "V" else 0.0}
+        parameters |= {"slope": float(left), "slope_right": float(right) if kind == "V" else 0.0}
     if bends:
-        found["curvature"] = float(np.clip(np.mean(bends), 0.001, 1))
-    return found
+        parameters["curvature"] = float(np.clip(np.mean(bends), 0.001, 1))
+    return parameters

@@ -67,7 +67,7 @@ def film(level, path, seconds=60.0, seed=None, fps=16, theme="light", say=lambda
     """
     simulation, look, camera = start(level, seed=seed), theme_of(theme), FollowCamera()
     every = max(1, round(32 / fps))
-    image, said = None, {"frames": 0, "saved": float("nan")}
+    image, summary = None, {"frames": 0, "saved": float("nan")}
 
     def frames():
         nonlocal image
@@ -77,7 +77,7 @@ def film(level, path, seconds=60.0, seed=None, fps=16, theme="light", say=lambda
                 return
             image = np.full((SIZE[1], SIZE[0], 3), look.ground, np.uint8)
             mean = _frame(Canvas(image), simulation, camera, every / 32, look)
-            said.update(frames=k + 1, saved=mean)
+            summary.update(frames=k + 1, saved=mean)
             say(k)
             yield image
 
@@ -89,7 +89,7 @@ def film(level, path, seconds=60.0, seed=None, fps=16, theme="light", say=lambda
         with Video(path, 32 / every, SIZE) as video:
             for frame in frames():
                 video.write(frame)
-    return said
+    return summary
 
 
 def _frame(canvas, simulation, camera, dt, look):

@@ -15,10 +15,10 @@ def pivot(mesh, k):
 def offsets(mesh):
     """(joints, 3): where each joint is from its parent."""
     numbers = {part.name: k for k, part in enumerate(mesh.parts)}
-    found = [np.zeros(3)]
+    offsets = [np.zeros(3)]
     for part in mesh.parts:
-        found.append(np.subtract(part.pivot, pivot(mesh, numbers.get(part.parent, -1))))
-    return np.array(found)
+        offsets.append(np.subtract(part.pivot, pivot(mesh, numbers.get(part.parent, -1))))
+    return np.array(offsets)
 
 
 def posture(look, clip, phase):

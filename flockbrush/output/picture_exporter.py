@@ -59,15 +59,15 @@ class Pictures(Exporter):
     def open(self):
         from flockbrush.output.pictures import painter_of
 
-        told = {name: self.options.get(name) for name in ("size", "dust", *(option.name for option in LOOKS))}
-        told["size"] = size_of(told["size"])
-        told["theme"] = chosen_theme(self.options)
+        options = {name: self.options.get(name) for name in ("size", "dust", *(option.name for option in LOOKS))}
+        options["size"] = size_of(options["size"])
+        options["theme"] = chosen_theme(self.options)
         self.camera = camera_of(self.options)
         if self.camera is not None:
-            told["view"] = "space"
-        self.space = told["view"] == "space"
-        self.clean = told["clean"] = self.options.get("alpha", False) or not self.options["overlays"]
-        self._painter = painter_of(self.simulation, **{n: value for n, value in told.items() if value is not None})
+            options["view"] = "space"
+        self.space = options["view"] == "space"
+        self.clean = options["clean"] = self.options.get("alpha", False) or not self.options["overlays"]
+        self._painter = painter_of(self.simulation, **{n: value for n, value in options.items() if value is not None})
 
     def draw(self, moment):
         """The picture of a moment, (h, w, 3) uint8."""

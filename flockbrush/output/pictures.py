@@ -17,9 +17,9 @@ def herd_of(simulation, moment: Moment):
     """The animals of a moment as the painter wants them."""
     from flockbrush.render.drawn_herd import DrawnHerd
     from flockbrush.render.gaits import gaits_of, in_flight, wings_of
-    from flockbrush.render.kept import kept
     from flockbrush.render.leader_marks import LeaderMarks
     from flockbrush.render.mesh_bodies import Postures
+    from flockbrush.render.per_run import of_run
     from flockbrush.render.wakes import wakes_of
     from flockbrush.systems.palette import Palette
 
@@ -32,7 +32,7 @@ def herd_of(simulation, moment: Moment):
         forward=moment.forward,
         length=moment.length,
         radius=moment.radius,
-        leader=kept(LeaderMarks, simulation).of(moment),
+        leader=of_run(LeaderMarks, simulation).of(moment),
         brush=moment.brush,
         species=moment.species,
         brush_colours=tuple(brush.colour for brush in palette.brushes),
@@ -51,22 +51,22 @@ def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, 
     """A painter for a running world: of the plan with the level's proportions unless a size is given, or of space.
 
     `azimuth` and `elevation`, in degrees, say from where one looks in space: counter-clockwise from east, and upwards;
-    flocks in the air are looked at from lower down than herds on the ground unless told.  `clean` leaves out words,
+    flocks in the air are looked at from lower down than herds on the ground by default.  `clean` leaves out words,
     trails and all that only the designer sees, and dust and ripples behind the animals, as does `dust` = False.
     """
     from flockbrush.render import Painter, Scenery
     from flockbrush.render.scenery import BareScenery
 
     scenery = BareScenery(simulation) if clean else Scenery(simulation)
-    drawn = {"words": False, "trails": None} if clean else {}
+    options = {"words": False, "trails": None} if clean else {}
     if view != "space":
         size = size or picture_size(simulation.level, words=0 if clean else WORDS)
-        plan = Painter(scenery, size=size, theme=theme, **drawn)
+        plan = Painter(scenery, size=size, theme=theme, **options)
         plan.dust = dust and not clean
         return plan
     from flockbrush.render.space_view import SpacePainter
 
-    painter = SpacePainter(scenery, size or IN_SPACE, theme, **drawn)
+    painter = SpacePainter(scenery, size or IN_SPACE, theme, **options)
     painter.dust, painter.bare = dust and not clean, clean
     if elevation is None:
         agents = simulation.agents

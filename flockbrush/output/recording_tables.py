@@ -19,7 +19,7 @@ def to_dataframe(run, fps=None):
     ----------
     run : RecordedRun
     fps : float, optional
-        Frames per second; every tick unless told.
+        Frames per second; every tick by default.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def to_xarray(run, fps=None):
     ----------
     run : RecordedRun
     fps : float, optional
-        Frames per second; 16 unless told.
+        Frames per second; 16 by default.
 
     Raises
     ------

@@ -142,8 +142,8 @@ class SceneMeshes:
 
     def areas(self) -> list[SceneLine]:
         """Outlines of exits and areas."""
-        named = [*self.scenery.exits, *self.level.areas]
-        return [self._line(thing.name, thing.polygon, True) for thing in named]
+        areas = [*self.scenery.exits, *self.level.areas]
+        return [self._line(thing.name, thing.polygon, True) for thing in areas]
 
     def goals(self) -> list[SceneGoal]:
         """The goals."""
@@ -153,7 +153,7 @@ class SceneMeshes:
         ]
 
     def camera(self, azimuth=None, elevation=None) -> OrbitCamera:
-        """The camera that shows the whole level; degrees, from the south and 40° up unless told."""
+        """The camera that shows the whole level; degrees, from the south and 40° up by default."""
         corners = self.ground().points[:: max(1, CELLS // 8), :: max(1, CELLS // 8)].reshape(-1, 3)
         edge = [[0, 0, 0], [self.width, 0, 0], [self.width, self.height, 0], [0, self.height, 0]]
         points = np.vstack([corners, edge])

@@ -16,11 +16,11 @@ COLUMNS = (
 )  # fmt: skip
 
 ROLES = ("follower", "leader")
-TEXTS = ("species", "brush", "role", "group", "state")  # columns whose values are names
+TEXTS = ("species", "brush", "role", "group", "family", "state")  # columns whose values are names
 
 
 def column_names(simulation) -> tuple[str, ...]:
-    """`COLUMNS`, and behind them those that only some worlds have: group, state."""
+    """`COLUMNS`, and behind them those that only some worlds have: group, family, state."""
     return COLUMNS + tuple(name for name in words_of(simulation) if name not in COLUMNS)
 
 
@@ -68,3 +68,13 @@ def metadata_of(simulation, fps):
         "dt": simulation.clock.dt,
         "version": flockbrush.__version__,
     }
+
+
+def as_attribute(value):
+    """A value as files with 32-bit numbers can hold it: a larger whole number becomes a text."""
+    return str(value) if isinstance(value, int) and abs(value) >= 2**31 else value
+
+
+def quoted(text) -> str:
+    """A text as one field of a CSV."""
+    return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\r\n') else text

@@ -322,9 +322,9 @@ def bob(mesh: AnimalMesh, clip: str, phase: float) -> float:
 def posed(mesh: AnimalMesh, clip: str, phase: float) -> np.ndarray:
     """The points (v, 3) of a mesh in one moment of a clip."""
     points = mesh.points.copy()
-    named = {part.name: k for k, part in enumerate(mesh.parts)}
+    part_index = {part.name: k for k, part in enumerate(mesh.parts)}
     for k in reversed(range(len(mesh.parts))):  # who is carried comes after who carries
-        part, rows = mesh.parts[k], _carried(mesh, named, k)
+        part, rows = mesh.parts[k], _carried(mesh, part_index, k)
         pivot = np.asarray(part.pivot)
         points[rows] = (points[rows] - pivot) @ motion(mesh, part, clip, phase).T + pivot
     rise = bob(mesh, clip, phase)
@@ -336,10 +336,10 @@ def posed(mesh: AnimalMesh, clip: str, phase: float) -> np.ndarray:
     return points
 
 
-def _carried(mesh, named, k):
+def _carried(mesh, part_index, k):
     """Which points move with a part: its own, and those of parts that it carries."""
-    kept = {k} | {j for j, part in enumerate(mesh.parts) if named.get(part.parent) == k}
-    return np.isin(mesh.part, list(kept))
+    carried = {k} | {j for j, part in enumerate(mesh.parts) if part_index.get(part.parent) == k}
+    return np.isin(mesh.part, list(carried))
 
 
 @cache

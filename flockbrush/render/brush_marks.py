@@ -53,11 +53,11 @@ def _shipped() -> dict[str, tuple[int, Colour]]:
     from flockbrush.behaviours.brush import shipped
 
     library = shipped()
-    found: dict[str, tuple[int, Colour]] = {}
+    marks: dict[str, tuple[int, Colour]] = {}
     for name in sorted(library.names()):
         colour = rgb(library.get(name).colour)
-        found[name] = _freest(colour, found.values()), colour
-    return found
+        marks[name] = _freest(colour, marks.values()), colour
+    return marks
 
 
 def _freest(colour, taken) -> int:
@@ -78,9 +78,9 @@ def ink_of(colour: Colour, theme: Theme) -> Colour:
     """The colour, moved towards that of words until it stands out from every plain ground of the theme."""
     grounds = (theme.ground, theme.rough, theme.road)
     for share in np.linspace(0, 1, 21):
-        found = mix(colour, theme.ink, float(share))
-        if min(contrast(found, ground) for ground in grounds) >= CONTRAST:
-            return found
+        ink = mix(colour, theme.ink, float(share))
+        if min(contrast(ink, ground) for ground in grounds) >= CONTRAST:
+            return ink
     return theme.ink
 
 

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
-from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.behaviours.tomlfile import TomlFile, is_number, parse_toml, read_bytes
+from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.render.orbit import OrbitCamera
 
 EASES = ("smooth", "linear", "hold")
@@ -95,7 +95,7 @@ def read_camera(path) -> CameraPath:
 
 def _checked(toml: TomlFile) -> CameraPath:
     data, problems = toml.data, []
-    problems += _unknown(toml, (), data, ("ease", "fov", "keys"))
+    problems += toml.unknown_names((), data, ("ease", "fov", "keys"))
     ease = data.get("ease", "smooth")
     if ease not in EASES:
         problems.append(toml.problem(("ease",), f"must be one of {', '.join(EASES)}, got {ease!r}"))
@@ -135,7 +135,7 @@ def _wrong_with(toml, path, key) -> list[Problem]:
     """Problems of one key."""
     form = FORMS[0] if "eye" in key else FORMS[1]
     needed = ("time", "target", *form)
-    problems = _unknown(toml, path, key, (*needed, "fov"))
+    problems = toml.unknown_names(path, key, (*needed, "fov"))
     problems += [toml.problem(path, f"this key has no {name}") for name in needed if name not in key]
     problems += _numbers(toml, path, key, ("time", "fov", *(name for name in form if name != "eye")))
     points = [name for name in ("target", "eye") if name in key]
@@ -149,25 +149,15 @@ def _wrong_with(toml, path, key) -> list[Problem]:
     return problems
 
 
-def _unknown(toml, path, table, names):
-    return [
-        toml.problem((*path, name), f"unknown name{did_you_mean(name, names)}") for name in table if name not in names
-    ]
-
-
 def _numbers(toml, path, table, names):
-    found = []
+    problems = []
     for name in names:
         low, high = BOUNDS[name]
-        if name in table and not (_is_number(table[name]) and low <= table[name] <= high):
+        if name in table and not (is_number(table[name]) and low <= table[name] <= high):
             message = f"must be a number from {low:g} to {high:g}, got {table[name]!r}"
-            found.append(toml.problem((*path, name), message))
-    return found
-
-
-def _is_number(value):
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+            problems.append(toml.problem((*path, name), message))
+    return problems
 
 
 def _is_point(value):
-    return isinstance(value, list) and len(value) == 3 and all(_is_number(v) and abs(v) <= FARTHEST for v in value)
+    return isinstance(value, list) and len(value) == 3 and all(is_number(v) and abs(v) <= FARTHEST for v in value)

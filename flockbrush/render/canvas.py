@@ -49,9 +49,9 @@ class Canvas:
 
     def area(self, points, colour: Colour, alpha=1.0):
         """Fill a polygon (k, 2)."""
-        found = self.area_mask(points)
-        if found is not None:
-            self.blend(*found, colour, alpha)
+        mask = self.area_mask(points)
+        if mask is not None:
+            self.blend(*mask, colour, alpha)
 
     def segments(self, segments, width, colour: Colour, alpha=1.0):
         """Draw line segments (m, 4) as one stroke: where they cross it does not get darker."""

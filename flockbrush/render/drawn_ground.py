@@ -147,10 +147,10 @@ class Sketcher(TerrainSketch):
 
     def _sign_area(self, points, signs, colour, alpha):
         """Lay signs, a cover of the whole clip, over an area."""
-        found = self.canvas.area_mask(points)
-        if found is None:
+        area = self.canvas.area_mask(points)
+        if area is None:
             return
-        mask, left, top = found
+        mask, left, top = area
         x, y = left - self.canvas.clip[0], top - self.canvas.clip[1]
         signs = signs[y : y + mask.shape[0], x : x + mask.shape[1]]
         self.canvas.blend(np.ascontiguousarray(mask * signs, np.float32), left, top, colour, alpha)
@@ -223,8 +223,8 @@ class Sketcher(TerrainSketch):
     def _obstacle(self, obstacle, points):
         theme, unit = self.theme, self.unit
         opaque = 0.92 if getattr(obstacle, "blocks_view", True) else 0.30
-        found = self.canvas.area_mask(points)
-        if found is not None and self._is_large(points):
+        mask = self.canvas.area_mask(points)
+        if mask is not None and self._is_large(points):
             opaque *= 0.8  # the terrain under a bank or a cliff is worth seeing
         self.canvas.area(points, theme.obstacle, opaque)
         dash = None if getattr(obstacle, "solid", True) else (4 * unit, 3 * unit)
@@ -264,11 +264,11 @@ class Sketcher(TerrainSketch):
         if not 0 < along[-1] < 1e5:
             return []
         size, count = 13 * self.unit, max(1, int(along[-1] / (95 * self.unit)))
-        found = []
+        arrows = []
         for at in (np.arange(count) + 1) * along[-1] / count - (0 if not loop else along[-1] / count / 2):
             tip, tail = (_along(curve, along, max(where, 0)) for where in (at, at - size))
-            found.append((tip, tip - tail))
-        return found
+            arrows.append((tip, tip - tail))
+        return arrows
 
     def _goals(self):
         for goal in self.of("goals"):
@@ -346,8 +346,8 @@ def said(name, values):
 def placed(names, clip, height):
     """[(text, x, y, colour)] of those names that fit into the clip and lie on no other, in their order."""
     left, top, right, bottom = clip
-    taken: list[tuple] = []
-    found = []
+    occupied: list[tuple] = []
+    places = []
     for text, at, colour in names:
         text = str(text or "")[:40]
         tall, wide = words(text, height).shape
@@ -356,10 +356,10 @@ def placed(names, clip, height):
         x = min(max(at[0] - wide / 2, left + 4), right - wide - 4)
         y = min(max(at[1] - tall / 2, top + 3), bottom - tall - 3)
         box = (x - 3, y - 2, x + wide + 3, y + tall + 2)
-        if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in taken):
-            taken.append(box)
-            found.append((text, round(x), round(y), colour))
-    return found
+        if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in occupied):
+            occupied.append(box)
+            places.append((text, round(x), round(y), colour))
+    return places
 
 
 def _common(box, other):

@@ -94,9 +94,9 @@ def checked(herd: DrawnHerd) -> DrawnHerd:
     )
 
 
-def _postures(told, count):
+def _postures(postures, count):
     """Postures of all animals; without, nobody has a look."""
-    look, clip, phase = told or (None, None, None)
+    look, clip, phase = postures or (None, None, None)
     return Postures(
         column(look, count, np.int64, NO_LOOK, "look"),
         column(clip, count, np.int64, 0, "clip"),

@@ -40,7 +40,7 @@ def reason_colour(name: str, theme: Theme) -> tuple[int, int, int]:
     return rgb(known[sum(map(ord, name)) % len(known)][dark])
 
 
-def draw_forces(frame, camera, at, forward, told, theme, unit=1.0, clear=10.0):
+def draw_forces(frame, camera, at, forward, explanation, theme, unit=1.0, clear=10.0):
     """Draw the reasons of an `Explanation` around the animal at this pixel.
 
     Parameters
@@ -51,9 +51,9 @@ def draw_forces(frame, camera, at, forward, told, theme, unit=1.0, clear=10.0):
         Pixels around the animal that are left free.
     """
     canvas = Canvas(frame, camera.view)
-    arrows = arrows_of(told.terms, unit)
+    arrows = arrows_of(explanation.terms, unit)
     heading = np.arctan2(forward[1], forward[0]) + 1e-9
-    wish = np.array(told.result) * (1, -1)
+    wish = np.array(explanation.result) * (1, -1)
     going = [("facing", np.array([np.cos(heading), np.sin(heading)]) * GOING_ON * unit, theme.muted)]
     going.append(("wish", wish / max(np.hypot(*wish), 1e-9) * (GOING_ON + 26) * unit, theme.ink))
     shown = [(name, way, reason_colour(name, theme)) for name, way in arrows]
@@ -76,12 +76,12 @@ def arrows_of(terms, unit=1.0):
     turning = [(name, np.array(vector, float) * (1, -1)) for name, vector in terms if name != "heading"]
     size = [float(np.hypot(*vector)) for _, vector in turning]
     most = max(size, default=0.0)
-    kept = []
+    arrows = []
     for (name, vector), strong in zip(turning, size, strict=True):
         if most > 0 and strong > LEFT_OUT * most:
             long = max(LONGEST * np.sqrt(strong / most), SHORTEST) * unit
-            kept.append((name, vector / strong * long))
-    return kept
+            arrows.append((name, vector / strong * long))
+    return arrows
 
 
 def _arrow(canvas, at, way, clear, colour, theme, unit, thin=False):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.render.animal_looks import BEAT_ANGLE, CLIPS, GLIDING, LOOKS, mesh_of
-from flockbrush.render.kept import kept
+from flockbrush.render.per_run import of_run
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.palette import Palette
 
@@ -65,15 +65,15 @@ class Limbs(NamedTuple):
     @classmethod
     def of(cls, looks):
         """Of species with these looks."""
-        found = [mesh_of(look) for look in looks]
+        meshes = [mesh_of(look) for look in looks]
 
         def stride(clip):
-            return np.array([mesh.strides[clip].length if clip in mesh.strides else np.nan for mesh in found])
+            return np.array([mesh.strides[clip].length if clip in mesh.strides else np.nan for mesh in meshes])
 
         return cls(
             np.array([list(LOOKS).index(look) for look in looks], np.int64), stride("walk"), stride("run"),
-            np.array(["swim" in mesh.clips for mesh in found], bool),
-            np.array(["fly" in mesh.clips for mesh in found], bool),
+            np.array(["swim" in mesh.clips for mesh in meshes], bool),
+            np.array(["fly" in mesh.clips for mesh in meshes], bool),
         )  # fmt: skip
 
 
@@ -132,4 +132,4 @@ class Gaits:
 
 def gaits_of(simulation) -> Gaits:
     """The gaits of a run that all its pictures share: one film shows the steps that another shows."""
-    return kept(Gaits, simulation)
+    return of_run(Gaits, simulation)

@@ -114,6 +114,6 @@ def close_view(plan):
 
 def identity_of(obstacle):
     """What an obstacle's faces depend on."""
-    told = (getattr(obstacle, name, None) for name in ("z_min", "z_max", "shape", "blocks_view"))
+    values = (getattr(obstacle, name, None) for name in ("z_min", "z_max", "shape", "blocks_view"))
     corners = getattr(obstacle, "corners", None)
-    return (np.asarray(obstacle.polygon).tobytes(), *told, None if corners is None else np.asarray(corners).tobytes())
+    return (np.asarray(obstacle.polygon).tobytes(), *values, None if corners is None else np.asarray(corners).tobytes())

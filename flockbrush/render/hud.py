@@ -71,8 +71,8 @@ class Hud:
         large = round(1.2 * height)
         name = shortened(str(title or ""), large, right - layout.pad)
         left = layout.pad + canvas.words(name, (layout.pad, y), large, theme.ink, anchor=(0, 0.5)) + 2 * height
-        said = shortened(say(measures), height, right - left)
-        canvas.words(said, (right, y), height, theme.muted, anchor=(1, 0.5))
+        text = shortened(say(measures), height, right - left)
+        canvas.words(text, (right, y), height, theme.muted, anchor=(1, 0.5))
 
     def scale_bar(self, frame, camera: ViewCamera) -> float:
         """A bar of a round number of metres at the bottom right; returns its left end in pixels."""
@@ -105,8 +105,8 @@ class Hud:
         names = ["animals", *(str(name) for name in herd.brush_names)]
         names += [f"brush {k + 1}" for k in range(known)][len(names) - 1 :]
         shown = [(names[k], k * KINDS, int(counts[k])) for k in np.argsort(-counts, kind="stable") if counts[k]]
-        told = zip(map(str, herd.brush_names), map(rgb, herd.brush_colours), strict=False)
-        grounds = {name: colour for name, colour in told if brush_key(name) in painted}
+        named_colours = zip(map(str, herd.brush_names), map(rgb, herd.brush_colours), strict=False)
+        grounds = {name: colour for name, colour in named_colours if brush_key(name) in painted}
         self.animals(frame, right, shown, int(herd.leader.sum()), int(herd.predator.sum()), colours, grounds)
 
     def animals(self, frame, right, brushes, leaders, predators, colours, grounds=None):
@@ -129,12 +129,12 @@ class Hud:
         height = self.layout.font
         y = self.layout.size[1] - self.layout.below + round(1.15 * height)
         room = right - left - sum(map(self._width, marks))
-        kept = list(entries)
-        while len(kept) > 1 and sum(map(self._width, kept)) + (kept != entries) * 5 * height > room:
-            kept.pop()
+        fitting = list(entries)
+        while len(fitting) > 1 and sum(map(self._width, fitting)) + (fitting != entries) * 5 * height > room:
+            fitting.pop()
         canvas, x = Canvas(frame), left
-        more = [(f"+{len(entries) - len(kept)} more", "", None)] * (kept != entries)
-        for name, count, look in [*kept, *more, *marks]:
+        more = [(f"+{len(entries) - len(fitting)} more", "", None)] * (fitting != entries)
+        for name, count, look in [*fitting, *more, *marks]:
             if x + self._width((name, count, look)) - height > right:
                 return
             if look is not None:
@@ -239,13 +239,13 @@ def things_of(level) -> list[str]:
         "guide": "guides", "goal": "goals", "exit": "exits", "start": "spawns", "obstacle": "obstacles",
         "counting line": "lines",
     }  # fmt: skip
-    found = [kind for kind in GLYPHS if kind in has and getattr(level, has[kind], None)]
+    kinds = [kind for kind in GLYPHS if kind in has and getattr(level, has[kind], None)]
     zones = getattr(level, "zones", None) or []
     capped = any(np.isfinite(zone.max_speed) or zone.factor != 1 for zone in zones)
     cap, factor = getattr(level, "cap", None), getattr(level, "factor", None)
     capped |= cap is not None and bool(np.isfinite(np.asarray(cap.values)).any())
     capped |= factor is not None and bool((np.asarray(factor.values) != 1).any())
-    return found + ["speed limit"] * capped
+    return kinds + ["speed limit"] * capped
 
 
 def clock(seconds: float) -> str:

@@ -94,8 +94,8 @@ class OrbitCamera:
         across, high, depth = np.moveaxis((xyz - self.eye) @ self.axes.T, -1, 0)
         share = self.focal / np.maximum(depth, self.distance * NEAR)
         x, y = self.middle
-        found = np.stack([x + across * share, y - high * share], axis=-1)
-        return np.clip(found, -OUTSIDE, OUTSIDE)
+        pixels = np.stack([x + across * share, y - high * share], axis=-1)
+        return np.clip(pixels, -OUTSIDE, OUTSIDE)
 
     def scale_at(self, xyz) -> float:
         """Pixels per metre, across the line of sight, at a point (3,) m, or on the ground (2,)."""
@@ -162,7 +162,7 @@ class OrbitCamera:
         return self.at(x, y)
 
     def at(self, x, y, z=None) -> OrbitCamera:
-        """The camera, as it is turned, looking at this point (m); as high as before unless told."""
+        """The camera, as it is turned, looking at this point (m); as high as before by default."""
         return replace(self, target=_three((x, y, self.target[2] if z is None else z)))._kept()
 
     def _kept(self) -> OrbitCamera:

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.components import Body, Destination, Position, Species
-from flockbrush.render.asked_about import AskedAbout
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_ground import Sketcher, placed
 from flockbrush.render.drawn_terrain import nice
+from flockbrush.render.explanation_cache import ExplanationCache
 from flockbrush.render.forces import draw_forces, reason_colour
 from flockbrush.render.overlay_layers import box_of, full_width, hearts, is_same, lattice, layer, strong
 from flockbrush.render.overlay_registry import EXPLAINED, OVERLAYS, OverlayView, load_overlays
@@ -57,16 +57,16 @@ class Overlays:
     theme : {"light", "dark"} or Theme
     unit : float
         Pixels of a hairline.
-    asked : AskedAbout, optional
+    explanations : ExplanationCache, optional
         What other overlays of the same world were told.
     """
 
-    def __init__(self, scenery, theme="light", unit=1.0, asked=None):
+    def __init__(self, scenery, theme="light", unit=1.0, explanations=None):
         load_overlays()
         self.scenery, self.theme, self.unit = scenery, theme_of(theme), unit
         self._layers: dict[str, tuple] = {}
         self._counted = (None, None, None)
-        self.asked = asked or AskedAbout(scenery.simulation)
+        self.explanations = explanations or ExplanationCache(scenery.simulation)
 
     @property
     def world(self):
@@ -165,28 +165,28 @@ class Overlays:
 
     def _regions(self, camera, made_of):
         _, rows, columns, colours = made_of
-        told = [(k, name, strong(rgb(colour), self.theme)) for k, (name, colour) in enumerate(colours)]
-        return self._filled(camera, self.scenery.land.brush, rows, columns, told, 0.34)
+        regions = [(k, name, strong(rgb(colour), self.theme)) for k, (name, colour) in enumerate(colours)]
+        return self._filled(camera, self.scenery.land.brush, rows, columns, regions, 0.34)
 
     def _cap_layer(self, camera, made_of):
         values, rows, columns = made_of
-        said = np.unique(values[np.isfinite(values)])
-        told = [(value, f"max {value:g} m/s", self._cap_colour(value, said)) for value in said]
-        return self._filled(camera, self.scenery.land.surface[..., 1], rows, columns, told, 0.45)
+        caps = np.unique(values[np.isfinite(values)])
+        regions = [(value, f"max {value:g} m/s", self._cap_colour(value, caps)) for value in caps]
+        return self._filled(camera, self.scenery.land.surface[..., 1], rows, columns, regions, 0.45)
 
-    def _filled(self, camera, raster, rows, columns, told, alpha):
+    def _filled(self, camera, raster, rows, columns, regions, alpha):
         """Draws regions of cells that have a value: (value, name, colour) each, filled, outlined and named."""
         sketcher, cell = self._sketcher(camera), self.scenery.cell
         fills, names = [], []
         if sketcher.canvas.clip[2] > sketcher.canvas.clip[0]:
             around = sketcher.cells(cell, raster.shape)
-            near, seen = raster[around], raster[rows, columns]
-            for value, name, colour in told:
-                if not (seen == value).any():
+            near, in_view = raster[around], raster[rows, columns]
+            for value, name, colour in regions:
+                if not (in_view == value).any():
                     continue
                 edge = sketcher.region(near == value, cell, (around[0].start, around[1].start))
                 fills.append((np.clip(edge + 0.5, 0, 1) * alpha, np.clip(1.8 * self.unit - np.abs(edge), 0, 1), colour))
-                for at in hearts(seen == value):
+                for at in hearts(in_view == value):
                     names.append((name, self._pixel(camera, rows, columns, at), colour))
 
         def draw(canvas):
@@ -204,17 +204,17 @@ class Overlays:
         return tuple(int(c) for c in scale_colours(self.theme.name)[round(255 * (0.95 - 0.8 * share))])
 
     def _cap_legend(self, frame, camera, values, foot):
-        said = np.unique(values[np.isfinite(values)])
-        if not len(said):
+        caps = np.unique(values[np.isfinite(values)])
+        if not len(caps):
             return self._note(frame, camera, "no speed limits in view", foot)
         canvas, u = Canvas(frame, camera.view), self.unit
-        chosen = said if len(said) <= 6 else said[np.linspace(0, len(said) - 1, 6).astype(int)]
+        chosen = caps if len(caps) <= 6 else caps[np.linspace(0, len(caps) - 1, 6).astype(int)]
         left, wide, tall = camera.view[0] + 12 * u, 62 * u, 16 * u
         box = (left, foot - 46 * u, left + max(len(chosen) * wide + 16 * u, 140 * u), foot)
         self._panel(canvas, box, "speed limits, m/s")
         for k, value in enumerate(chosen):
             x = left + 8 * u + k * wide
-            canvas.area(box_of(x, foot - 22 * u, x + tall, foot - 22 * u + tall), self._cap_colour(value, said), 0.85)
+            canvas.area(box_of(x, foot - 22 * u, x + tall, foot - 22 * u + tall), self._cap_colour(value, caps), 0.85)
             canvas.words(
                 f"{value:g}", (x + tall + 5 * u, foot - 14 * u), round(13 * u), self.theme.ink, anchor=(0, 0.5)
             )
@@ -271,9 +271,9 @@ class Overlays:
         iy, ix = (np.minimum((xy[:, k] / land.cell).astype(int), n - 1) for k, n in ((1, ny), (0, nx)))
         way = navigation.at(xy, goal if goal < len(navigation.fields) - 1 else -1) * (1, -1)
         strength = np.hypot(*way.T)
-        kept = (strength > 0.02) & ~land.blocked[iy, ix]
-        at, strength = at[kept], strength[kept]
-        along = way[kept] / strength[:, None]
+        drawn = (strength > 0.02) & ~land.blocked[iy, ix]
+        at, strength = at[drawn], strength[drawn]
+        along = way[drawn] / strength[:, None]
         long = (0.30 + 0.34 * np.minimum(strength, 1))[:, None] * step
         tail, tip, aside = at - along * long / 2, at + along * long / 2, along[:, ::-1] * (-1, 1) * 0.14 * step
         back = tip - along * 0.24 * step
@@ -392,11 +392,11 @@ class Overlays:
 
     def _leaders(self, frame, camera, moment, at):
         """Lines to the reference birds, rings around leaders."""
-        there = np.clip(np.searchsorted(moment.ids, moment.reference), 0, max(len(moment) - 1, 0))
-        linked = (moment.reference > 0) & (moment.ids[there] == moment.reference) if len(moment) else np.zeros(0, bool)
-        tail, tip = at[linked], at[there[linked]]
+        rows = np.clip(np.searchsorted(moment.ids, moment.reference), 0, max(len(moment) - 1, 0))
+        linked = (moment.reference > 0) & (moment.ids[rows] == moment.reference) if len(moment) else np.zeros(0, bool)
+        tail, tip = at[linked], at[rows[linked]]
         if self.scenery.land.wrap is not None:
-            near = np.abs(moment.xyz[linked] - moment.xyz[there[linked]])[:, :2] < np.array(self.scenery.land.wrap) / 2
+            near = np.abs(moment.xyz[linked] - moment.xyz[rows[linked]])[:, :2] < np.array(self.scenery.land.wrap) / 2
             tail, tip = tail[near.all(axis=1)], tip[near.all(axis=1)]
         clip, u = self._clip(camera), self.unit
         draw_lines(frame, clip, np.hstack([tail, tip]), 1.1 * u, ink_of(self.theme.link), 0.6)
@@ -417,30 +417,34 @@ class Overlays:
 
     def _one(self, frame, camera, shown, moment, at, row):
         """What is shown of the selected animal."""
-        told = None
+        explanation = None
         if shown & EXPLAINED:
-            told = self.asked.of(int(moment.ids[row]))
+            explanation = self.explanations.of(int(moment.ids[row]))
         x, y = (float(side) for side in at[row])
-        if told is not None and shown & {"field_of_view", "occlusion"}:
-            self._sight(frame, camera, shown, moment, row, told)
+        if explanation is not None and shown & {"field_of_view", "occlusion"}:
+            self._sight(frame, camera, shown, moment, row, explanation)
         ring = np.array([max(8.0 * self.unit, 0.95 * float(moment.length[row]) * camera.scale)])
-        here, clip = np.array([[x, y]]), self._clip(camera)
-        draw_rings(frame, clip, here, ring, 4.4 * self.unit, ink_of(self.theme.paper), 0.8)
-        draw_rings(frame, clip, here, ring, 2.0 * self.unit, ink_of(self.theme.ink), 1.0)
-        if told is not None and "forces" in shown:
+        centre, clip = np.array([[x, y]]), self._clip(camera)
+        draw_rings(frame, clip, centre, ring, 4.4 * self.unit, ink_of(self.theme.paper), 0.8)
+        draw_rings(frame, clip, centre, ring, 2.0 * self.unit, ink_of(self.theme.ink), 1.0)
+        if explanation is not None and "forces" in shown:
             forward = moment.forward[row, :2] * (1, -1)
-            draw_forces(frame, camera, (x, y), forward, told, self.theme, self.unit, float(ring[0]))
+            draw_forces(frame, camera, (x, y), forward, explanation, self.theme, self.unit, float(ring[0]))
 
-    def _sight(self, frame, camera, shown, moment, row, told):
+    def _sight(self, frame, camera, shown, moment, row, explanation):
         """The field of view as a wedge; what is hidden in it shaded."""
-        reach, scale = told.view_range, camera.scale
+        reach, scale = explanation.view_range, camera.scale
         depth = self._depth(moment, row, reach) * scale if "occlusion" in shown else np.full(RAYS, np.inf)
-        cosine = np.cos(min(told.field_of_view, 2 * np.pi) / 2) if told.field_of_view < 2 * np.pi - 1e-9 else -1.0
+        cosine = (
+            np.cos(min(explanation.field_of_view, 2 * np.pi) / 2)
+            if explanation.field_of_view < 2 * np.pi - 1e-9
+            else -1.0
+        )
         x, y = (float(side) for side in camera.pixels(moment.xyz[row]))
         eye = Pose(x, y, float(moment.forward[row, 0]), -float(moment.forward[row, 1]))
         lit = 0.18 if "field_of_view" in shown else 0.0
         self._lay_sight(frame, camera, eye, (cosine, depth, reach * scale), lit)
-        self._wedge(frame, camera, eye, told.field_of_view, reach * scale)
+        self._wedge(frame, camera, eye, explanation.field_of_view, reach * scale)
 
     def _lay_sight(self, frame, camera, eye, view, lit):
         """Lay what is seen and what is hidden over the frame; large views are worked out coarsely and smoothed."""

@@ -39,7 +39,7 @@ class Painter:
     words : bool
         Leave room for title, legend and scale bar.  Pictures under 300 x 200 have none.
     labels : bool, optional
-        Write the names of goals, exits and lines on the ground; where there is room for words, unless told.
+        Write the names of goals, exits and lines on the ground; where there is room for words, by default.
     shadows : bool
     live : bool
         For a window: the ground is shown as far as it is drawn, and `refine` goes on with it; else it is always whole.
@@ -281,9 +281,9 @@ class Painter:
             return
         self._taught = known
         colours = map(tuple, brush_rgb(herd.brush_colours).tolist())
-        told = dict(zip(map(brush_key, herd.brush_names), colours, strict=False))
+        by_name = dict(zip(map(brush_key, herd.brush_names), colours, strict=False))
         painted = painted_brushes(self.level)
-        news = {name: colour for name, colour in told.items() if self.brushes.get(name) != colour}
+        news = {name: colour for name, colour in by_name.items() if self.brushes.get(name) != colour}
         self.brushes |= news
         if any(name in painted for name in news):
             self.repaint("all")
@@ -330,11 +330,11 @@ def painted_brushes(level) -> list[str]:
 
 def brushes_in_sight(level) -> set[str]:
     """Names of the brushes that some cell of a level is painted with, or that apply in its zones."""
-    seen = {brush_key(zone.brush) for zone in getattr(level, "zones", None) or [] if zone.brush}
+    visible = {brush_key(zone.brush) for zone in getattr(level, "zones", None) or [] if zone.brush}
     for layer in getattr(level, "brush_layers", None) or []:
         counts = np.bincount(np.maximum(np.asarray(layer.index).ravel(), -1) + 1, minlength=len(layer.assets) + 1)
-        seen |= {brush_key(name) for name, count in zip(layer.assets, counts[1:], strict=False) if count}
-    return seen
+        visible |= {brush_key(name) for name, count in zip(layer.assets, counts[1:], strict=False) if count}
+    return visible
 
 
 def shipped_colours() -> dict:

@@ -96,7 +96,7 @@ def ball(centre, radius) -> Faces:
 def hull(points) -> Faces:
     """The faces of the convex hull of a few points (k, 3) m."""
     points = np.unique(np.asarray(points, float), axis=0)
-    found: dict[tuple, np.ndarray] = {}
+    by_plane: dict[tuple, np.ndarray] = {}
     for i, j, k in itertools.combinations(range(len(points)), 3):
         normal = np.cross(points[j] - points[i], points[k] - points[i])
         size = np.linalg.norm(normal)
@@ -106,9 +106,9 @@ def hull(points) -> Faces:
         if away.max() > FLAT and away.min() < -FLAT:
             continue  # it cuts through the middle
         outside = normal / size if away.max() <= FLAT else -normal / size
-        found.setdefault(tuple(np.flatnonzero(np.abs(away) <= FLAT)), outside)
+        by_plane.setdefault(tuple(np.flatnonzero(np.abs(away) <= FLAT)), outside)
     faces = []
-    for rows, outside in found.items():
+    for rows, outside in by_plane.items():
         corners = points[list(rows)]
         along = corners[0] - corners.mean(axis=0)
         away = corners - corners.mean(axis=0)

@@ -129,7 +129,7 @@ class SpacePainter:
         )
 
     def around(self, herd: DrawnHerd, camera: OrbitCamera | None = None) -> OrbitCamera:
-        """A camera in the direction of another one (that of now, unless told) that shows all of a herd."""
+        """A camera in the direction of another one (that of now, by default) that shows all of a herd."""
         camera = camera or self.camera
         bodies = self.bodies_of(checked(herd), herd)
         if not len(bodies.xyz):
@@ -147,15 +147,15 @@ class SpacePainter:
 
         `passed` is how many seconds ago it was there last; None lets it jump.
         """
-        wanted = self.around(herd)
+        target_camera = self.around(herd)
         middle = np.append(np.median(np.asarray(herd.xy, float)[:, :2], axis=0), 0.0)
         share, step = 1.0, np.zeros(3)
         if passed is not None and self._chased is not None:
             share, step = 1 - np.exp(-passed / GLIDE), middle - self._chased
         self._chased = middle
-        target = (np.asarray(self.camera.target) + step) * (1 - share) + np.asarray(wanted.target) * share
-        distance = self.camera.distance ** (1 - share) * wanted.distance**share
-        self.look(replace(wanted, distance=float(distance)).at(*target))
+        target = (np.asarray(self.camera.target) + step) * (1 - share) + np.asarray(target_camera.target) * share
+        distance = self.camera.distance ** (1 - share) * target_camera.distance**share
+        self.look(replace(target_camera, distance=float(distance)).at(*target))
         self.see_through = True
 
     # what lies there -----------------------------------------------------------------
@@ -168,12 +168,12 @@ class SpacePainter:
 
     def refine(self, budget=0.004) -> bool:
         """Go on drawing the ground for about so many seconds; True when nothing is left to draw."""
-        done = True
+        complete = True
         for painter, texture in self._pictures():
             if painter.tiles.camera is None or painter.tiles.stale:
                 texture.stale = True
-                done &= painter.refine(budget)
-        return done
+                complete &= painter.refine(budget)
+        return complete
 
     def _pictures(self):
         """(painter, texture) of the whole level, and of what one looks at where that is too coarse."""
@@ -225,15 +225,15 @@ class SpacePainter:
 
     # a frame -----------------------------------------------------------------------------
 
-    def bodies_of(self, herd, told: DrawnHerd) -> SpaceHerd:
+    def bodies_of(self, herd, original: DrawnHerd) -> SpaceHerd:
         """Places and attitudes in space of a herd that is `checked`, as it was `told`; ValueError names a bad row."""
         count = len(herd.xy)
         height = np.asarray(herd.z, float)
-        if told.z is None and np.ndim(told.xy) == 2 and np.shape(told.xy)[1] == 3:
-            height = np.ascontiguousarray(np.asarray(told.xy, float)[:, 2])
+        if original.z is None and np.ndim(original.xy) == 2 and np.shape(original.xy)[1] == 3:
+            height = np.ascontiguousarray(np.asarray(original.xy, float)[:, 2])
             refuse_nan(height, "height")
         forward = np.zeros((count, 3))
-        forward[:, : np.shape(told.forward)[1]] = told.forward
+        forward[:, : np.shape(original.forward)[1]] = original.forward
         refuse_nan(forward, "heading")
         above = height - (self.ground_height(herd.xy) if self.level is not None else 0.0)
         winged = np.isfinite(np.asarray(herd.wings, float))
@@ -243,12 +243,12 @@ class SpacePainter:
             above = np.where(winged, np.maximum(above, 0.6 * herd.length), above)
         forward[walks, 2] = 0.0
         up = standing(forward)
-        if told.up is not None:
-            given = np.asarray(told.up, float)
-            if given.shape != (count, 3):
-                raise ValueError(f"up of {count} animals has shape ({count}, 3), got {given.shape}")
-            refuse_nan(given, "back")
-            up = np.where(walks[:, None], up, given)
+        if original.up is not None:
+            up_given = np.asarray(original.up, float)
+            if up_given.shape != (count, 3):
+                raise ValueError(f"up of {count} animals has shape ({count}, 3), got {up_given.shape}")
+            refuse_nan(up_given, "back")
+            up = np.where(walks[:, None], up, up_given)
         look = looks_of(herd, len(brush_rgb(herd.brush_colours)))
         beat = np.where(winged, herd.wings, NO_WINGS)
         xyz = np.column_stack([herd.xy, above])
@@ -284,8 +284,8 @@ class SpacePainter:
         ValueError
             When a column does not fit or is not finite, naming the animal.
         """
-        told, herd = herd, checked(herd._replace(brush_colours=worn(herd.brush_colours, self.theme)))
-        bodies = self._bodies = self.bodies_of(herd, told)
+        original, herd = herd, checked(herd._replace(brush_colours=worn(herd.brush_colours, self.theme)))
+        bodies = self._bodies = self.bodies_of(herd, original)
         if self.plan is not None:
             self.plan._learn(herd)
         frame, depth = self._backdrop(herd, out, under)
@@ -294,9 +294,9 @@ class SpacePainter:
         if self.shadows:
             self._shadows(buffer, cam, bodies)
         if trails and self.trails is not None:
-            self.trails.go(bodies.xyz, told.ids, time)
+            self.trails.go(bodies.xyz, original.ids, time)
             self._ways(buffer, cam, bodies, colours)
-        row = self._row(told, selected)
+        row = self._row(original, selected)
         if row is not None:
             marks, long = self._marks(frame), float((bodies.length * self._grown(bodies))[row])
             marks.stand(bodies.xyz[row], long, self.floor)

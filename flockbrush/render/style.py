@@ -146,8 +146,8 @@ _NUMBERS = {
 
 
 def _theme(k: int, name: str) -> Theme:
-    colours = {part: rgb(told[k]) for part, told in _COLOURS.items()}
-    numbers = {part: told[k] for part, told in _NUMBERS.items()}
+    colours = {part: rgb(by_theme[k]) for part, by_theme in _COLOURS.items()}
+    numbers = {part: by_theme[k] for part, by_theme in _NUMBERS.items()}
     return Theme(name=name, **colours, **numbers)  # type: ignore[arg-type]
 
 

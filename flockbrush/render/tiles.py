@@ -89,11 +89,13 @@ class Tiles:
         corner, step = old.pixels(new.metres((0, 0))), old.scale / new.scale
         back = np.array([[step, 0, corner[0] + step / 2 - 0.5], [0, step, corner[1] + step / 2 - 0.5]])
         left, top, right, bottom = old.view
-        seen = np.ascontiguousarray(before[top:bottom, left:right])
+        before_part = np.ascontiguousarray(before[top:bottom, left:right])
         back[:, 2] -= (left, top)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         border = tuple(int(c) for c in self.theme.paper)
-        image = cv2.warpAffine(seen, back, new.size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=border)
+        image = cv2.warpAffine(
+            before_part, back, new.size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=border
+        )
         self._bare[view[1] : view[3], view[0] : view[2]] = image[view[1] : view[3], view[0] : view[2]]
 
     def _tiles(self, box):
@@ -115,8 +117,8 @@ class Tiles:
     # drawing -----------------------------------------------------------------------
 
     def _sketch(self):
-        given = (self.level, self.camera, self.theme, self.unit, self.brushes, self._bare)
-        self._sketcher = Sketcher(*given, self._known)
+        arguments = (self.level, self.camera, self.theme, self.unit, self.brushes, self._bare)
+        self._sketcher = Sketcher(*arguments, self._known)
 
     def repaint(self, box):
         """Draw a box of the level anew: (west, south, east, north) in metres, or "all" to have it done by `refine`."""
@@ -170,9 +172,9 @@ class Tiles:
         height = max(10, round(12 * self.unit))
         inner = self._sketcher.inner
         clip = inner if inner[2] > inner[0] and inner[3] > inner[1] else (0, 0, 0, 0)
-        named = placed(self._sketcher.names(), clip, height)
-        changed = [name for name in [*self.named, *named] if (name in self.named) != (name in named)]
-        self.named = named
+        labels = placed(self._sketcher.names(), clip, height)
+        changed = [name for name in [*self.named, *labels] if (name in self.named) != (name in labels)]
+        self.named = labels
         if hasattr(self, "image") and self.image.shape == self._bare.shape:
             for name in changed:
                 self._compose(_label_box(name, height))

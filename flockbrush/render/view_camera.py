@@ -55,12 +55,12 @@ class ViewCamera:
     def pixels(self, xy) -> np.ndarray:
         """Pixel positions (..., 2) of points on the ground (..., 2) in metres."""
         xy = np.asarray(xy, float)
-        found = np.empty((*xy.shape[:-1], 2))
+        pixels = np.empty((*xy.shape[:-1], 2))
         for k, (centre, middle, scale) in enumerate(
             zip(self.centre, self.middle, (self.scale, -self.scale), strict=True)
         ):  # column by column: four times as quick as both at once
-            found[..., k] = (xy[..., k] - centre) * scale + middle
-        return found
+            pixels[..., k] = (xy[..., k] - centre) * scale + middle
+        return pixels
 
     def metres(self, pixels) -> np.ndarray:
         """Points on the ground (..., 2) in metres under pixel positions (..., 2)."""

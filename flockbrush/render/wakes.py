@@ -155,8 +155,8 @@ def wakes_on_plan(buffer, camera, theme, herd, time):
     if herd.wakes is None or time is None:
         return
     at, reach = camera.pixels(herd.xy), 4.0 * herd.length[:, None] * camera.scale
-    seen = ((at + reach > buffer.clip[:2]) & (at - reach < buffer.clip[2:])).all(axis=1)
-    rows = np.flatnonzero(seen & (herd.length * camera.scale > FAINT))
+    visible = ((at + reach > buffer.clip[:2]) & (at - reach < buffer.clip[2:])).all(axis=1)
+    rows = np.flatnonzero(visible & (herd.length * camera.scale > FAINT))
     for kind in (DUST, RING):
         marks = marks_of(herd, rows, time, kind)
         wide, course = marks.radius * camera.scale, herd.forward[marks.row] * (1.0, -1.0)
@@ -174,9 +174,9 @@ def wakes_in_space(buffer, camera, floor, theme, herd, xyz, time):
         marks = marks_of(herd, rows, time, kind)
         high = floor + (0.3 if kind == DUST else 0.0) * marks.radius
         at, away = camera.project(np.column_stack([marks.xy, high]))
-        seen = away > camera.numbers()[15]
-        at, away, wide = at[seen], away[seen], (marks.radius * camera.focal / np.maximum(away, 1e-9))[seen]
+        visible = away > camera.numbers()[15]
+        at, away, wide = at[visible], away[visible], (marks.radius * camera.focal / np.maximum(away, 1e-9))[visible]
         flat = 0.7 if kind == DUST else np.clip((camera.eye[2] - floor) / away, 0.05, 1.0)
-        course = (herd.forward[marks.row] @ camera.axes[:2, :2].T)[seen] * (1.0, -1.0)
-        shown = MarksInView(at, wide, wide * flat, 1 / away, marks.alpha[seen], course)
+        course = (herd.forward[marks.row] @ camera.axes[:2, :2].T)[visible] * (1.0, -1.0)
+        shown = MarksInView(at, wide, wide * flat, 1 / away, marks.alpha[visible], course)
         draw_marks(buffer, shown, kind == RING, wake_ink(theme, kind))

@@ -66,7 +66,7 @@ class Ways:
             self.places = np.full((room, len(xyz), 3), np.nan)
             if len(known):
                 order = np.argsort(known, kind="stable")
-                found = order[np.clip(np.searchsorted(known, ids, sorter=order), 0, len(known) - 1)]
-                here = known[found] == ids
-                self.places[:, here] = before[:, found[here]]
+                rows = order[np.clip(np.searchsorted(known, ids, sorter=order), 0, len(known) - 1)]
+                known_before = known[rows] == ids
+                self.places[:, known_before] = before[:, rows[known_before]]
         self.ids = ids.copy()

@@ -71,26 +71,26 @@ def differences(there, build: Build, own=None):
     build : Build
         Of this process.
     own : collection of str, optional
-        First folders of files that count when they are only here; all of them unless told.
+        First folders of files that count when they are only here; all of them by default.
 
     Returns
     -------
     dict of str to str
         Of "code", "libraries" and "cpu" those that differ.
     """
-    found = {}
+    differing = {}
     sources, packages = (_texts(there.get(name)) for name in ("sources", "packages"))
     files = differing_files(sources, build.sources, own)
     if not isinstance(there.get("code"), str) or not sources:
-        found["code"] = "unknown code"
+        differing["code"] = "unknown code"
     elif there["code"] != build.code and files:
-        found["code"] = f"other code: {some_of(files)}"
+        differing["code"] = f"other code: {some_of(files)}"
     libraries = differing_packages(packages, build.packages)
     if libraries:
-        found["libraries"] = ", ".join(libraries)
+        differing["libraries"] = ", ".join(libraries)
     if isinstance(there.get("cpu"), str) and there["cpu"] != build.cpu:
-        found["cpu"] = f"{there['cpu']} (here {build.cpu})"
-    return found
+        differing["cpu"] = f"{there['cpu']} (here {build.cpu})"
+    return differing
 
 
 def _texts(table):

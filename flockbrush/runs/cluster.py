@@ -40,9 +40,9 @@ class ClusterGone(ProblemsError):
 
 def work_as(code: str, function: Callable, *arguments):
     """``function(*arguments)``, unless this process runs other code (`build_of_worker`); OtherCode."""
-    here = build_of_worker().code
-    if here != code:
-        raise OtherCode(f"a worker on {platform.node()} has code {here[:12]}; here it is {code[:12]}")
+    own_code = build_of_worker().code
+    if own_code != code:
+        raise OtherCode(f"a worker on {platform.node()} has code {own_code[:12]}; here it is {code[:12]}")
     with _ONE_WORLD:
         return function(*arguments)
 
@@ -131,8 +131,8 @@ def _security(address, tls):
     for name, path in (("--tls-ca", tls.ca), ("--tls-cert", tls.cert), ("--tls-key", tls.key)):
         if path is not None and not Path(path).is_file():
             raise refused(path, f"there is no such file; {name} must be a PEM file")
-    told = {"tls_ca_file": tls.ca, "tls_client_cert": tls.cert, "tls_client_key": tls.key}
-    return Security(require_encryption=True, **{name: str(path) for name, path in told.items() if path is not None})
+    options = {"tls_ca_file": tls.ca, "tls_client_cert": tls.cert, "tls_client_key": tls.key}
+    return Security(require_encryption=True, **{name: str(path) for name, path in options.items() if path is not None})
 
 
 def _needs(address, tls):
@@ -154,19 +154,19 @@ def _same_code(client, address):
     if not client.nthreads():
         client.wait_for_workers(1, timeout=30)
     libraries = set()
-    for worker, there in sorted(client.run(_build, on_error="return").items()):
-        if not isinstance(there, dict):
+    for worker, build in sorted(client.run(_build, on_error="return").items()):
+        if not isinstance(build, dict):
             raise refused(
-                address, f"worker {worker} runs another version of Flockbrush, or none: {' '.join(str(there).split())}"
+                address, f"worker {worker} runs another version of Flockbrush, or none: {' '.join(str(build).split())}"
             )
-        apart = differences(there, build_of_worker())
+        apart = differences(build, build_of_worker())
         if "code" in apart:
             raise refused(
                 address, f"worker {worker} has {apart['code']}; install the same version there and restart the worker"
             )
         libraries |= {apart[name] for name in ("libraries",) if name in apart}
-    for found in sorted(libraries):
-        say(f"{address}: workers have {found}: their results may differ in the last bits")
+    for library in sorted(libraries):
+        say(f"{address}: workers have {library}: their results may differ in the last bits")
 
 
 def _build():

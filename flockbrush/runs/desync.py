@@ -174,11 +174,11 @@ def _first_system(parts, written, schedule):
     recorded run may have had one that did: what the systems declare counts.
     """
     order = [type(system).__name__ for system in schedule.systems]
-    found = []
+    candidates = []
     for part in parts:
         writers = [name for name in order if part in written.get(name, ())] or _declared(part, schedule)
-        found += writers[-1:]
-    return min(found, key=order.index, default=None)
+        candidates += writers[-1:]
+    return min(candidates, key=order.index, default=None)
 
 
 def _declared(part, schedule):
@@ -199,10 +199,10 @@ def _by_sums(world, name, sums, mine):
     column, ids = column_named(world, name), world.agents.ids
     if name == IDS:
         return _by_count(sums.get(IDS, b""), mine[IDS])
-    found = only_row(sums.get(name, b""), column)
-    if found is None:
+    single = only_row(sums.get(name, b""), column)
+    if single is None:
         return Difference(name, None, [], [], [], None)
-    row, words = found
+    row, words = single
     then = as_row(words, column)
     with np.errstate(invalid="ignore", over="ignore"):
         size = float(np.abs(then.astype(float) - column[row].astype(float)).max())

@@ -22,20 +22,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import re
 from dataclasses import fields
 from pathlib import Path
 from typing import NamedTuple
 
-from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
+from flockbrush.behaviours.tomlfile import TomlFile, is_number, parse_toml, read_bytes
 from flockbrush.engine.files import write_bytes
-from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.levels.steps import UndoStack
 from flockbrush.runs.run_edits import ALWAYS, KINDS, Edit, Layer
 
 SUFFIX = ".edits.toml"
-FIRST = "edits"  # name of the layer that there is unless told
+FIRST = "edits"  # name of the layer that there is by default
 USES = {
     "delete": (), "move": ("by", "turn", "about", "over"), "retime": ("speed",), "freeze": (), "delay": ("seconds",),
     "look": ("brush", "species", "size"),
@@ -162,41 +161,41 @@ def edits_of(recording) -> EditFile:
     path = beside(recording)
     if not path.exists():
         return EditFile(path, sha256_of(recording), Path(recording).name)
-    found = parse_edits(read_bytes(path), path)
-    if found.sha256 != sha256_of(recording):
+    edits = parse_edits(read_bytes(path), path)
+    if edits.sha256 != sha256_of(recording):
         message = f"these edits belong to another recording than {Path(recording).name}: rename or remove this file"
         raise ProblemsError([Problem(str(path), None, "sha256", message)])
-    return found
+    return edits
 
 
 def parse_edits(data: bytes, path) -> EditFile:
     """Edits from the bytes of a file; ProblemsError."""
     toml = parse_toml(data, str(path))
-    problems = _unknown(toml, (), toml.data, ("recording", "sha256", "order", "layers", "undone"))
+    problems = toml.unknown_names((), toml.data, ("recording", "sha256", "order", "layers", "undone"))
     sha256 = toml.data.get("sha256")
     if not isinstance(sha256, str) or not re.fullmatch("[0-9a-f]{64}", sha256):
         problems.append(toml.problem(("sha256",), "must be the SHA-256 of the recording, 64 hexadecimal digits"))
     layers, undone = _tables(toml, "layers", problems), _tables(toml, "undone", problems)
-    made = EditFile(Path(path), str(sha256), str(toml.data.get("recording", "")))
+    edit_file = EditFile(Path(path), str(sha256), str(toml.data.get("recording", "")))
     for k, table in enumerate(layers):
-        made.layers.append(_layer(toml, ("layers", k), table, problems))
+        edit_file.layers.append(_layer(toml, ("layers", k), table, problems))
     for k, table in enumerate(undone):
-        told = {name: value for name, value in table.items() if name != "layer"}
-        edit = _edit(toml, ("undone", k), told, problems)
+        fields = {name: value for name, value in table.items() if name != "layer"}
+        edit = _edit(toml, ("undone", k), fields, problems)
         if edit is not None:
-            made.undone.append(LayerEdit(str(table.get("layer", FIRST)), edit))
-    names = [layer.name for layer in made.layers]
+            edit_file.undone.append(LayerEdit(str(table.get("layer", FIRST)), edit))
+    names = [layer.name for layer in edit_file.layers]
     if len(set(names)) < len(names):
         problems.append(toml.problem(("layers",), "two layers have the same name"))
-    every = [layer.name for layer in made.layers for _ in layer.edits]
+    every = [layer.name for layer in edit_file.layers for _ in layer.edits]
     order = toml.data.get("order", every)
     if not isinstance(order, list) or sorted(map(str, order)) != sorted(every):
         problems.append(toml.problem(("order",), "must name the layer of each edit, in the order they were made"))
     if problems:
         raise ProblemsError(problems)
-    coming = {layer.name: iter(layer.edits) for layer in made.layers}
-    made.done = [LayerEdit(name, next(coming[name])) for name in map(str, order)]
-    return made
+    coming = {layer.name: iter(layer.edits) for layer in edit_file.layers}
+    edit_file.done = [LayerEdit(name, next(coming[name])) for name in map(str, order)]
+    return edit_file
 
 
 def _tables(toml, name, problems):
@@ -208,19 +207,19 @@ def _tables(toml, name, problems):
 
 
 def _layer(toml: TomlFile, at, table, problems):
-    problems += _unknown(toml, at, table, ("name", "on", "edits"))
+    problems += toml.unknown_names(at, table, ("name", "on", "edits"))
     name, on, edits = table.get("name"), table.get("on", True), table.get("edits", [])
     if not isinstance(name, str) or not name.strip():
         problems.append(toml.problem((*at, "name"), "a layer must have a name"))
     if not isinstance(on, bool):
         problems.append(toml.problem((*at, "on"), f"must be true or false, got {on!r}"))
-    made = Layer(str(name), bool(on))
+    layer = Layer(str(name), bool(on))
     if not isinstance(edits, list) or not all(isinstance(edit, dict) for edit in edits):
         problems.append(toml.problem((*at, "edits"), "must be [[layers.edits]] tables"))
-        return made
-    found = [_edit(toml, (*at, "edits", k), edit, problems) for k, edit in enumerate(edits)]
-    made.edits = [edit for edit in found if edit is not None]
-    return made
+        return layer
+    parsed = [_edit(toml, (*at, "edits", k), edit, problems) for k, edit in enumerate(edits)]
+    layer.edits = [edit for edit in parsed if edit is not None]
+    return layer
 
 
 def _edit(toml, at, table, problems) -> Edit | None:
@@ -229,50 +228,54 @@ def _edit(toml, at, table, problems) -> Edit | None:
     if kind not in KINDS:
         problems.append(toml.problem((*at, "kind"), f"must be one of {', '.join(KINDS)}, got {kind!r}"))
         return None
-    problems += _unknown(toml, at, table, ("kind", "ids", "start", "end", "because", *USES[kind]))
-    told = dict(table)
+    problems += toml.unknown_names(at, table, ("kind", "ids", "start", "end", "because", *USES[kind]))
+    values = dict(table)
     try:
-        told["ids"] = ids_of(table.get("ids"))
+        values["ids"] = ids_of(table.get("ids"))
     except ValueError as error:
         problems.append(toml.problem((*at, "ids"), str(error)))
     for name, (low, high) in BOUNDS.items():
-        if name in told and not (_is_number(told[name]) and low <= told[name] <= high):
-            problems.append(toml.problem((*at, name), f"must be a number from {low:g} to {high:g}, got {told[name]!r}"))
+        if name in values and not (is_number(values[name]) and low <= values[name] <= high):
+            problems.append(
+                toml.problem((*at, name), f"must be a number from {low:g} to {high:g}, got {values[name]!r}")
+            )
     for name, count in (("by", 3), ("about", 2)):
-        if name in told:
-            if not _is_point(told[name], count):
-                problems.append(toml.problem((*at, name), f"must be {count} numbers in metres, got {told[name]!r}"))
+        if name in values:
+            if not _is_point(values[name], count):
+                problems.append(toml.problem((*at, name), f"must be {count} numbers in metres, got {values[name]!r}"))
             else:
-                told[name] = tuple(map(float, told[name]))
+                values[name] = tuple(map(float, values[name]))
     for name in ("brush", "species", "because"):
-        if not isinstance(told.get(name, ""), str):
-            problems.append(toml.problem((*at, name), f"must be a string, got {told[name]!r}"))
-    if len(problems) == before and told.get("start", 0.0) >= told.get("end", ALWAYS):
+        if not isinstance(values.get(name, ""), str):
+            problems.append(toml.problem((*at, name), f"must be a string, got {values[name]!r}"))
+    if len(problems) == before and values.get("start", 0.0) >= values.get("end", ALWAYS):
         problems.append(toml.problem((*at, "end"), "must be later than the start"))
-    return Edit(**told) if len(problems) == before else None
+    return Edit(**values) if len(problems) == before else None
 
 
 def sentence_of(edit: Edit) -> str:
     """An edit in words: "move 12 animals from 0.5 s: by (5.0, 0.0, 0.0)"."""
-    told = [f"{name} {getattr(edit, name)}" for name in USES[edit.kind] if getattr(edit, name) != getattr(Edit, name)]
+    changes = [
+        f"{name} {getattr(edit, name)}" for name in USES[edit.kind] if getattr(edit, name) != getattr(Edit, name)
+    ]
     when = f" from {edit.start:g} s" if edit.start else ""
     when += f" until {edit.end:g} s" if edit.end != ALWAYS else ""
     animals = f"{len(edit.ids)} animals" if len(edit.ids) > 1 else f"animal {edit.ids[0]}"
-    return f"{edit.kind} {animals}{when}{': ' if told else ''}{', '.join(told)}"
+    return f"{edit.kind} {animals}{when}{': ' if changes else ''}{', '.join(changes)}"
 
 
 def ids_of(text) -> tuple[int, ...]:
     """The ids of a text as "1-40, 52"; ValueError."""
     if not isinstance(text, str) or not re.fullmatch(r"\s*\d+(-\d+)?(\s*,\s*\d+(-\d+)?)*\s*", text):
         raise ValueError(f'must be ids such as "1-40, 52", got {text!r}')
-    found: set[int] = set()
+    ids: set[int] = set()
     for part in text.split(","):
         low, _, high = part.strip().partition("-")
         first, last = int(low), int(high or low)
         if not 1 <= first <= last <= 10**9 or last - first > 10**7:
             raise ValueError(f'must be ids such as "1-40, 52", the smaller id first; got {part.strip()!r}')
-        found.update(range(first, last + 1))
-    return tuple(sorted(found))
+        ids.update(range(first, last + 1))
+    return tuple(sorted(ids))
 
 
 def ids_text(ids) -> str:
@@ -308,15 +311,5 @@ def _lines(edit: Edit):
     return lines
 
 
-def _unknown(toml, at, table, names):
-    return [
-        toml.problem((*at, name), f"unknown name{did_you_mean(name, names)}") for name in table if name not in names
-    ]
-
-
-def _is_number(value):
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def _is_point(value, count):
-    return isinstance(value, list) and len(value) == count and all(_is_number(v) and abs(v) <= FARTHEST for v in value)
+    return isinstance(value, list) and len(value) == count and all(is_number(v) and abs(v) <= FARTHEST for v in value)

@@ -46,12 +46,12 @@ class Counts:
 
     def values(self):
         """{"line NAME, to its left": so far, "area NAME": animals in it now}."""
-        found = {}
+        counted = {}
         for name, (left, right) in self.crossed.items():
-            found |= {f"crossed {name} to its left": left, f"crossed {name} to its right": right}
+            counted |= {f"crossed {name} to its left": left, f"crossed {name} to its right": right}
         _, xy = self._now()
         for area in self.marks.areas:
-            found[f"in {area.name}"] = int(np.sum(inside(xy, area.polygon)))
+            counted[f"in {area.name}"] = int(np.sum(inside(xy, area.polygon)))
         names = state_names(self.simulation.world)
         tally = np.bincount(state_codes(self.simulation.world), minlength=len(names)) if names else []
-        return found | {f"state {name}": int(n) for name, n in zip(names, tally, strict=True) if name}
+        return counted | {f"state {name}": int(n) for name, n in zip(names, tally, strict=True) if name}

@@ -26,9 +26,9 @@ class Selection:
         return self != Selection()
 
     def __str__(self):
-        named = [f"{name} {value}" for name in ("species", "brush", "state") if (value := getattr(self, name))]
+        conditions = [f"{name} {value}" for name in ("species", "brush", "state") if (value := getattr(self, name))]
         placed = [f"{name} {getattr(self, name)}" for name in ("box", "near") if getattr(self, name) is not None]
-        return ", ".join([*(["ids"] if self.ids else []), *named, *placed]) or "all"
+        return ", ".join([*(["ids"] if self.ids else []), *conditions, *placed]) or "all"
 
 
 def chosen(selection: Selection, moment, words) -> np.ndarray:
@@ -42,12 +42,12 @@ def chosen(selection: Selection, moment, words) -> np.ndarray:
     fits = np.ones(len(moment), bool)
     codes = {"species": moment.species, "brush": moment.brush, **moment.labels}
     for name in ("species", "brush", "state"):
-        wanted = getattr(selection, name)
-        if wanted:
+        value = getattr(selection, name)
+        if value:
             known = words.get(name, [])
-            if wanted not in known:
-                raise ValueError(f"there is no {name} {wanted!r} in this run{did_you_mean(wanted, known)}")
-            fits &= codes[name] == list(known).index(wanted)
+            if value not in known:
+                raise ValueError(f"there is no {name} {value!r} in this run{did_you_mean(value, known)}")
+            fits &= codes[name] == list(known).index(value)
     if selection.ids:
         fits &= np.isin(moment.ids, selection.ids)
     if selection.box is not None:

@@ -164,7 +164,7 @@ def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | Non
     """Begin to record a simulation from `start` or `rebuild`; call ``take()`` after every tick.
 
     A hash and sums are kept for every tick, so that a replay can name the very tick that differs; ``keyframes`` is the
-    number of ticks between snapshots, `usual_keyframes` unless told.
+    number of ticks between snapshots, `usual_keyframes` by default.
     """
     spacing = usual_keyframes(simulation, keyframes)
     return Recorder(Recording.create(path, *beginning_of(simulation)), simulation.world, 1, spacing)

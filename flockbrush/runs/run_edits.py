@@ -116,12 +116,12 @@ class EditedMoments:
             return [(moment, [moment.time] * len(self.edits))]
         changed = np.unique(np.concatenate([self._ids[k] for k in later]))
         plain = ~np.isin(moment.ids, changed)
-        found = [(rows_of(moment, np.flatnonzero(plain)), [moment.time] * len(self.edits))]
+        sources = [(rows_of(moment, np.flatnonzero(plain)), [moment.time] * len(self.edits))]
         belongs = np.array([np.isin(changed, self._ids[k]) for k in later])  # (edits of time, animals)
         kinds, kind_of = np.unique(belongs, axis=1, return_inverse=True)
         for number, kind in enumerate(kinds.T):
             animals = changed[kind_of.ravel() == number]
-            own = {k for k, mine in zip(later, kind, strict=True) if mine}
+            own = {k for k, animals_rows in zip(later, kind, strict=True) if animals_rows}
             times, rate, time = [0.0] * len(self.edits), 1.0, moment.time
             for k in reversed(range(len(self.edits))):
                 times[k] = time
@@ -129,47 +129,47 @@ class EditedMoments:
                     time, speed = self.edits[k].local(time)
                     rate *= speed
             source, stands = self.past.at(time)
-            mine = rows_of(source, np.flatnonzero(np.isin(source.ids, animals)))
-            found.append((replace(mine, velocity=mine.velocity * (0.0 if stands else rate)), times))
-        return found
+            animals_rows = rows_of(source, np.flatnonzero(np.isin(source.ids, animals)))
+            sources.append((replace(animals_rows, velocity=animals_rows.velocity * (0.0 if stands else rate)), times))
+        return sources
 
     def _edited(self, moment, times):
         for edit, ids, time in zip(self.edits, self._ids, times, strict=True):
-            mine = np.isin(moment.ids, ids)
-            if not mine.any():
+            selected = np.isin(moment.ids, ids)
+            if not selected.any():
                 continue
             if edit.kind == "delete" and edit.applies(time):
-                moment = rows_of(moment, np.flatnonzero(~mine))
+                moment = rows_of(moment, np.flatnonzero(~selected))
             elif edit.kind == "move":
-                moment = self._moved(moment, edit, mine, *edit.weight(time))
+                moment = self._moved(moment, edit, selected, *edit.weight(time))
             elif edit.kind == "look" and edit.applies(time):
-                moment = self._dressed(moment, edit, mine)
+                moment = self._dressed(moment, edit, selected)
         return moment
 
-    def _moved(self, moment, edit, mine, share, pace):
+    def _moved(self, moment, edit, selected, share, pace):
         if share == 0.0:
             return moment
         angle = math.radians(edit.turn) * share
         turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
         pivot, by = np.array([*edit.about, 0.0]), np.asarray(edit.by, float)
         xyz, velocity, forward = moment.xyz.copy(), moment.velocity.copy(), moment.forward.copy()
-        before = self._ground(xyz[mine])
-        turned = (xyz[mine] - pivot) @ turn.T
+        before = self._ground(xyz[selected])
+        turned = (xyz[selected] - pivot) @ turn.T
         spin = math.radians(edit.turn) * pace
-        xyz[mine] = turned + pivot + share * by
-        velocity[mine] = (
-            velocity[mine] @ turn.T
+        xyz[selected] = turned + pivot + share * by
+        velocity[selected] = (
+            velocity[selected] @ turn.T
             + pace * by
             + spin * np.column_stack([-turned[:, 1], turned[:, 0], 0 * turned[:, 0]])
         )
-        forward[mine] = forward[mine] @ turn.T
+        forward[selected] = forward[selected] @ turn.T
         if self.land.wrap is not None:
-            xyz[mine, :2] %= self.land.wrap
-        xyz[mine, 2] += self._ground(xyz[mine]) - before
+            xyz[selected, :2] %= self.land.wrap
+        xyz[selected, 2] += self._ground(xyz[selected]) - before
         up = moment.up
         if up is not None:
             up = up.copy()
-            up[mine] = up[mine] @ turn.T
+            up[selected] = up[selected] @ turn.T
         return replace(moment, xyz=xyz, velocity=velocity, forward=forward, up=up)
 
     def _ground(self, xyz):
@@ -178,19 +178,23 @@ class EditedMoments:
             return np.zeros(len(xyz))
         return heights_of_ground(self.land.relief, self.land.relief_cell, np.ascontiguousarray(xyz))
 
-    def _dressed(self, moment, edit, mine):
+    def _dressed(self, moment, edit, selected):
         from flockbrush.runs.snapshots import names_of
 
         species, brushes = names_of(self.simulation)
-        told = {}
+        changed = {}
         if edit.brush in brushes:
-            told["brush"] = np.where(mine, list(brushes).index(edit.brush), moment.brush).astype(moment.brush.dtype)
+            changed["brush"] = np.where(selected, list(brushes).index(edit.brush), moment.brush).astype(
+                moment.brush.dtype
+            )
         if edit.species in species:
-            told["species"] = np.where(mine, species.index(edit.species), moment.species).astype(moment.species.dtype)
+            changed["species"] = np.where(selected, species.index(edit.species), moment.species).astype(
+                moment.species.dtype
+            )
         if edit.size != 1.0:
-            times = np.where(mine, edit.size, 1.0)
-            told |= {"length": moment.length * times, "radius": moment.radius * times}
-        return replace(moment, **told)
+            times = np.where(selected, edit.size, 1.0)
+            changed |= {"length": moment.length * times, "radius": moment.radius * times}
+        return replace(moment, **changed)
 
 
 class Past:
@@ -224,9 +228,9 @@ class Past:
 
     def keep(self, moment: Moment):
         """Keep the animals of a moment."""
-        kept = rows_of(moment, np.flatnonzero(np.isin(moment.ids, self.ids)))
-        columns: dict = {name: value for name, value in vars(kept).items() if isinstance(value, np.ndarray)}
-        columns |= {(name,): codes for name, codes in kept.labels.items()}
+        selected = rows_of(moment, np.flatnonzero(np.isin(moment.ids, self.ids)))
+        columns: dict = {name: value for name, value in vars(selected).items() if isinstance(value, np.ndarray)}
+        columns |= {(name,): codes for name, codes in selected.labels.items()}
         at, layout = self._file.seek(0, 2), []
         for name, values in columns.items():
             layout.append((name, values.dtype, values.shape))
@@ -239,10 +243,10 @@ class Past:
         stands = time < self._times[0] - EXACT or time > self._times[-1] + EXACT
         time = min(max(time, self._times[0]), self._times[-1])
         after = int(np.searchsorted(self._times, time - EXACT))
-        found = self._read(after)
+        frame = self._read(after)
         if after > 0 and self._times[after] > time + EXACT:
-            found = between(self._read(after - 1), found, time, self.wrap)
-        return found, stands
+            frame = between(self._read(after - 1), frame, time, self.wrap)
+        return frame, stands
 
     def _read(self, k) -> Moment:
         at, time, layout = self._kept[k]

@@ -12,6 +12,7 @@ from flockbrush.components import (
     Airborne,
     Body,
     BrushBinding,
+    Family,
     Heading,
     Position,
     ReferenceBird,
@@ -19,7 +20,7 @@ from flockbrush.components import (
     Species,
     Velocity,
 )
-from flockbrush.systems.groups import group_names, groups_of
+from flockbrush.systems.groups import family_names, group_names, groups_of
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
@@ -79,6 +80,9 @@ LABELS: dict[str, Label] = {  # by name; who declares such a column registers it
     "group": Label(
         lambda simulation: group_names(simulation.world), lambda simulation: groups_of(simulation.world) - 1
     ),
+    "family": Label(
+        lambda simulation: family_names(simulation.world), lambda simulation: simulation.agents[Family.number].copy()
+    ),
     "state": Label(lambda simulation: state_names(simulation.world), lambda simulation: state_codes(simulation.world)),
 }
 
@@ -120,10 +124,10 @@ def between(before: Moment, after: Moment, time, wrap=None) -> Moment:
     both: slice | np.ndarray = slice(None)  # when nobody was born or died, nothing need be picked
     rows: slice | np.ndarray = slice(None)
     if not np.array_equal(before.ids, after.ids):
-        there = np.searchsorted(before.ids, after.ids)
-        there[there == len(before.ids)] = 0
-        both = before.ids[there] == after.ids if len(before.ids) else np.zeros(len(after.ids), bool)
-        rows = there[both]
+        rows_before = np.searchsorted(before.ids, after.ids)
+        rows_before[rows_before == len(before.ids)] = 0
+        both = before.ids[rows_before] == after.ids if len(before.ids) else np.zeros(len(after.ids), bool)
+        rows = rows_before[both]
     xyz, velocity, forward = after.xyz.copy(), after.velocity.copy(), after.forward.copy()
     way = after.xyz[both] - before.xyz[rows]
     if wrap is not None:

@@ -51,9 +51,9 @@ class _Output(io.TextIOWrapper):
         """The same stream, that spells what its encoding does not know."""
         encoding, line, through = stream.encoding, stream.line_buffering, stream.write_through
         stream.flush()
-        made = cls(stream.buffer, encoding, "flockbrush", line_buffering=line, write_through=through)
-        made.before = stream  # a debugger goes on writing to it; were it collected, it would close the file
-        return made
+        replacement = cls(stream.buffer, encoding, "flockbrush", line_buffering=line, write_through=through)
+        replacement.before = stream  # a debugger goes on writing to it; were it collected, it would close the file
+        return replacement
 
     def write(self, text):
         return _named(super().write, text)

@@ -91,16 +91,16 @@ def table(*columns, rows=(), title=None, right=()):
 
     class Plain(Table):
         def add_row(self, *cells, **options):
-            told = (number(cell) if cell is None or isinstance(cell, Number) else cell for cell in cells)
-            super().add_row(*(styled("{}", cell) if isinstance(cell, str) else cell for cell in told), **options)
+            texts = (number(cell) if cell is None or isinstance(cell, Number) else cell for cell in cells)
+            super().add_row(*(styled("{}", cell) if isinstance(cell, str) else cell for cell in texts), **options)
 
     title = title and styled("{}", title)
-    made = Plain(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, title_style="bold")
+    plain_table = Plain(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, title_style="bold")
     for column in columns:
-        made.add_column(styled("{}", column), justify="right" if column in right else "left", overflow="fold")
+        plain_table.add_column(styled("{}", column), justify="right" if column in right else "left", overflow="fold")
     for cells in rows:
-        made.add_row(*cells)
-    return made
+        plain_table.add_row(*cells)
+    return plain_table
 
 
 def number(value, digits=4):
@@ -279,13 +279,13 @@ def exit_code_of(error) -> int:
     steer = sys.modules.get(
         "flockbrush.systems.steer"
     )  # a model that breaks has been loaded; otherwise it would take a second
-    told = (ProblemsError, RecordingError, CommandError) + ((steer.NotFinite,) if steer else ())
+    expected = (ProblemsError, RecordingError, CommandError) + ((steer.NotFinite,) if steer else ())
     if debugging():
         import traceback
 
         traceback.print_exception(error)
         return PROBLEM
-    if isinstance(error, told) or type(error) is LookupError:
+    if isinstance(error, expected) or type(error) is LookupError:
         say(str(error))
     elif isinstance(error, MemoryError):
         say("not enough memory; try fewer animals (--agents)")

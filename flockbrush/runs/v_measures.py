@@ -36,11 +36,11 @@ def v_indicators(simulation):
     )
     right = np.array([along[1], -along[0]])
     height = xyz[:, 2] if rules.layer else np.zeros(len(rows))
-    found = indicators(np.column_stack([xyz[:, :2] @ right, xyz[:, :2] @ along, height])[None], rules)
+    values = indicators(np.column_stack([xyz[:, :2] @ right, xyz[:, :2] @ along, height])[None], rules)
     return {
-        "leads": int(found.leads[0]),
-        "groups": int(found.groups[0]),
-        "segments": int(found.segments[0]),
-        "distance": float(found.distance[0]),
-        "shape": SHAPES[found.shape[0]],
+        "leads": int(values.leads[0]),
+        "groups": int(values.groups[0]),
+        "segments": int(values.segments[0]),
+        "distance": float(values.distance[0]),
+        "shape": SHAPES[values.shape[0]],
     }

@@ -83,9 +83,9 @@ class Experiment:
 @cache
 def experiments() -> dict[str, Experiment]:
     """All experiments by name."""
-    found: list[Experiment] = [LevelRuns(), VRules()]
-    found += [kind() for kind in load_entry_points("flockbrush.experiments")]
-    return {experiment.name: experiment for experiment in found}
+    known: list[Experiment] = [LevelRuns(), VRules()]
+    known += [kind() for kind in load_entry_points("flockbrush.experiments")]
+    return {experiment.name: experiment for experiment in known}
 
 
 # levels ----------------------------------------------------------------------------------
@@ -122,7 +122,7 @@ class LevelRuns(Experiment):
     @property
     def units(self):
         """Units of measures by name, and of their means over time."""
-        units = {name: found.unit for name, found in measures().items() if found.unit}
+        units = {name: measure.unit for name, measure in measures().items() if measure.unit}
         return units | {f"mean {name}": unit for name, unit in units.items()}
 
     def ready(self, parameters, folder):
@@ -285,18 +285,18 @@ class VRules(Experiment):
         spec = FlockParameters(**parameters)
         begin = starts(seeds, spec.birds, spec, spec.side, spec.start == "apart")
         flights = fly(begin, seeds, spec, spec.steps, spec.every)
-        found = indicators(flights.xyz, spec)
+        values = indicators(flights.xyz, spec)
         rows: list[Row] = [
             {
                 "time": int(flights.steps[k]),
                 "stabilised": int(flights.settled[k]),
-                "leads": int(found.leads[k]),
-                "groups": int(found.groups[k]),
-                "segments": int(found.segments[k]),
-                "distance": float(found.distance[k]),
-                "own_distance": float(found.own_distance[k]),
-                "settled_distance": float(found.own_distance[k]) if flights.settled[k] else math.nan,
-                "shape": SHAPES[found.shape[k]],
+                "leads": int(values.leads[k]),
+                "groups": int(values.groups[k]),
+                "segments": int(values.segments[k]),
+                "distance": float(values.distance[k]),
+                "own_distance": float(values.own_distance[k]),
+                "settled_distance": float(values.own_distance[k]) if flights.settled[k] else math.nan,
+                "shape": SHAPES[values.shape[k]],
             }
             for k in range(len(seeds))
         ]
@@ -321,14 +321,14 @@ def flatness(xyz):
 
 def lasting(series, rules, every):
     """What a flock that never settles keeps up, over the second half of its moments (moments, birds, 3)."""
-    found = indicators(series[len(series) // 2 :], rules)
-    v_like = (found.shape != GROUPS) & (found.shape != CLUTTERED) & (found.shape != OTHER)
-    changes = int(np.sum(found.shape[1:] != found.shape[:-1]))
+    values = indicators(series[len(series) // 2 :], rules)
+    v_like = (values.shape != GROUPS) & (values.shape != CLUTTERED) & (values.shape != OTHER)
+    changes = int(np.sum(values.shape[1:] != values.shape[:-1]))
     return {
         "v_like": float(v_like.mean()),
-        "persistence": every * len(found.shape) / (changes + 1),  # steps that a shape lasts, on average
-        "mean_leads": float(found.leads.mean()),
-        "mean_groups": float(found.groups.mean()),
+        "persistence": every * len(values.shape) / (changes + 1),  # steps that a shape lasts, on average
+        "mean_leads": float(values.leads.mean()),
+        "mean_groups": float(values.groups.mean()),
     }
 
 

@@ -1,13 +1,14 @@
 """Paths between two brushes along which the measured behaviour changes evenly.
 
 The way goes straight from the numbers of one brush to those of the other, but for parameters that differ more than
-tenfold, which go by ratio, and for random turning, which may be added between the ends: weak alignment against noise
-gives every degree of order, and without noise a herd only takes longer to become ordered.  Fresh herds are measured
-along the way, and again half-way between points whose herds differ by too much, until they do not or the points are
-next to one another: what herds do, not what their numbers are, says where the steps of the path lie.  Herds of their
-own at the steps correct them, others say what the path is worth, beside the straight line.  At last herds are swept
-along the path and back.  A pair whose path is not even is bistable when herds on the way there and those on the way
-back differ at the same step.
+tenfold, which go by ratio, for parameters that may change before the others, and for random turning, which may be added
+between the ends (`Route`): weak alignment against noise gives every degree of order, and without noise a herd only
+takes longer to become ordered.  Fresh herds are measured along the way, and again half-way between points whose herds
+differ by too much, until they do not or the points are next to one another: what herds do, not what their numbers are,
+says where the steps of the path lie.  Herds of several sizes may be measured: steps are laid where either changes.
+Herds of their own at the steps correct them, others say what the path is worth, beside the straight line.  At last,
+where the path is not even, herds are swept along it and back.  The pair is bistable when herds on the way there and
+those on the way back differ at the same step.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from flockbrush.behaviours.brush import Brush
-from flockbrush.behaviours.mixture import BrushPath, mixed
+from flockbrush.behaviours.mixture import STEPS, BrushPath, mixed
 from flockbrush.components import BrushBinding, Heading, Position
 from flockbrush.levels.build import herds_apart
 from flockbrush.systems.landscape import Landscape
@@ -44,6 +45,29 @@ TENFOLD = 10.0  # parameters that differ by more go by ratio
 RISE = 8.0  # added noise is there from the first eighth of the way to the last
 NOISE = 0.03  # no standard error is taken to be less: few seeds may not show it, and so little does not matter
 KEEP_GOING = 0.15  # of the way along which nothing changes, at least, in changes of behaviour
+VALLEY = 0.06  # next to an end, what lies farther than this outside the range between the ends has no steps
+
+
+class Route(NamedTuple):
+    """How the numbers go from one brush to another, beside the straight line.
+
+    Attributes
+    ----------
+    wander : float
+        Random turning added between the ends; nothing at them.
+    first : tuple of str
+        How the names of parameters begin that change in the first half of the way; all others change in the second.
+    """
+
+    wander: float = 0.0
+    first: tuple[str, ...] = ()
+
+    def along(self, way):
+        """How far the other numbers are at so much of the way."""
+        return np.maximum(0.0, 2.0 * np.asarray(way, float) - 1.0) if self.first else np.asarray(way, float)
+
+
+STRAIGHT = Route()
 
 
 class Measured(NamedTuple):
@@ -63,9 +87,17 @@ class Trial:
 
     animals: int = 100
     seeds: int = 3
-    steps: int = 8
+    steps: int = STEPS
     seconds: float = 20.0
     begin: Literal["random", "aligned", "mill"] = "random"
+
+
+def trials_of(sizes, seeds, steps=None, seconds=20.0, begin="random") -> list[Trial]:
+    """One for herds of each size: so many of the smallest, of larger ones fewer, at least two."""
+    least = min(sizes)
+    return [
+        Trial(size, max(2, round(seeds * least / size)), steps or STEPS, seconds, begin) for size in sorted(set(sizes))
+    ]
 
 
 class Branches(NamedTuple):
@@ -88,77 +120,93 @@ class Branches(NamedTuple):
         return apart > max(JUMP, 2.0 * error)
 
 
-@dataclass(frozen=True)
-class Morph:
-    """A path, what was measured on it and on the straight line, herds swept along it, and where it jumps.
+class Judged(NamedTuple):
+    """What herds of one size do on a path, on the straight line, and swept along the path if it is not even."""
 
-    A jump is where it is along the straight line, and by how much polarization or milling change there.
+    animals: int
+    on_path: Measured
+    straight: Measured
+    swept: Branches | None
+
+
+class Morph(NamedTuple):
+    """A path, what herds of each size do on it, and where it jumps.
+
+    A jump is where it is along the way, and by how much polarization or milling change there.
     """
 
     path: BrushPath
-    on_path: Measured
-    straight: Measured
-    swept: Branches
+    judged: tuple[Judged, ...]
     jumps: tuple[tuple[float, float], ...] = ()
 
 
-def morph(start: Brush, end: Brush, trial: Trial, wander: float = 0.0, tell=lambda words: None):
+def morph(start: Brush, end: Brush, trials, route=STRAIGHT, tell=lambda words: None) -> Morph:
     """Find a path between two brushes of one model.
 
     Parameters
     ----------
-    wander : float
-        Random turning added between the ends; nothing at them.
+    trials : sequence of Trial
+        One for each size of herds; alike but for that and the seeds.
     tell : callable
         Is told what is being done.
-
-    Returns
-    -------
-    Morph
     """
 
-    def at(along):
-        return brush_at(start, end, along, wander)
+    def at(way):
+        return brush_at(start, end, way, route)
 
+    steps = trials[0].steps
     tell("measuring new herds where the behaviour changes")
-    seen = response(at, trial)
+    seen = response(at, trials)
     for k in range(ROUNDS):
         tell(f"measuring new herds on the path, round {k + 1}")
-        along = seen.evenly(trial.steps)
-        seen.add(along, measured(at, along, trial, FIRST_FRESH + (k + 1) * trial.seeds).mean)
-    along, steps = seen.evenly(trial.steps), np.linspace(0.0, 1.0, trial.steps + 1)
-    tell("measuring other herds on the path")
-    on_path = measured(at, along, trial)
-    tell("measuring the same herds on the straight line")
-    straight = measured(lambda share: mixed(start, end, share), steps, trial)
-    tell("sweeping there and back")
-    swept = sweep(at, along, trial, FIRST_SWEEP)
-    even = not faults(on_path)
+        way = seen.evenly(steps)
+        seen.add(way, means_of(at, way, trials, FIRST_FRESH + (k + 1) * trials[0].seeds))
+    way = seen.evenly(steps)
+    tell("measuring other herds on the path and on the straight line")
+    judged = tuple(_judged(start, end, at, way, trial) for trial in trials)
+    even = all(one.swept is None for one in judged)
     path = BrushPath(
-        start=start.name, end=end.name, along=tuple(map(float, along)), detour=detours(start, end, along, wander),
-        begin=trial.begin, seconds=trial.seconds, even=even, bistable=not even and swept.hysteresis,
+        start=start.name, end=end.name, along=tuple(map(float, route.along(way))),
+        detour=detours(start, end, way, route), begin=trials[0].begin, seconds=trials[0].seconds, even=even,
+        bistable=any(one.swept.hysteresis for one in judged if one.swept),
     )  # fmt: skip
-    return Morph(path, on_path, straight, swept, seen.jumps())
+    return Morph(path, judged, seen.jumps())
 
 
-def detours(start, end, along, wander=0.0):
-    """What parameters have besides those of the straight line at some points of it, {name: numbers}."""
-    along, found = np.asarray(along, float), {}
+def _judged(start, end, at, way, trial):
+    on_path = measured(at, way, trial)
+    straight = measured(lambda share: mixed(start, end, share), np.linspace(0.0, 1.0, len(way)), trial)
+    return Judged(trial.animals, on_path, straight, sweep(at, way, trial, FIRST_SWEEP) if faults(on_path) else None)
+
+
+def detours(start, end, way, route=STRAIGHT):
+    """What parameters have besides those of the straight line at some points of the way, {name: numbers}."""
+    way, found = np.asarray(way, float), {}
+    along = route.along(way)
     for name in type(start.params).model_fields:
         a, b = getattr(start.params, name), getattr(end.params, name)
-        if isinstance(a, float) and isinstance(b, float) and min(a, b) > 0.0 and max(a / b, b / a) > TENFOLD:
-            found[name] = a ** (1.0 - along) * b**along - (a + along * (b - a))
-    if wander:
-        found["wander"] = wander * np.minimum(1.0, RISE * along) * np.minimum(1.0, RISE * (1.0 - along))
-    inner = (along > 0.0) & (along < 1.0)  # rounding may leave something at the ends
+        if not (isinstance(a, float) and isinstance(b, float)) or a == b:
+            continue
+        leads = bool(route.first) and name.startswith(route.first)
+        share, by_ratio = (
+            np.minimum(1.0, 2.0 * way) if leads else along,
+            min(a, b) > 0.0 and max(a / b, b / a) > TENFOLD,
+        )
+        if leads or by_ratio:
+            value = a ** (1.0 - share) * b**share if by_ratio else a + share * (b - a)
+            found[name] = value - (a + along * (b - a))
+    if route.wander:
+        noise = route.wander * np.minimum(1.0, RISE * way) * np.minimum(1.0, RISE * (1.0 - way))
+        found["wander"] = found.get("wander", 0.0) + noise
+    inner = (way > 0.0) & (way < 1.0)  # rounding may leave something at the ends
     return {name: tuple(map(float, np.where(inner, values, 0.0))) for name, values in found.items()}
 
 
-def brush_at(start, end, along, wander=0.0):
+def brush_at(start, end, way, route=STRAIGHT):
     """The brush so far along the way."""
-    points = (0.0, along, 1.0)
-    path = BrushPath(start=start.name, end=end.name, along=points, detour=detours(start, end, points, wander))
-    return mixed(start, end, 0.5, path)
+    points = np.array([0.0, way, 1.0])
+    along, detour = tuple(map(float, route.along(points))), detours(start, end, points, route)
+    return mixed(start, end, 0.5, BrushPath(start=start.name, end=end.name, along=along, detour=detour))
 
 
 def measures_of(simulation, first=0, count=None):
@@ -209,7 +257,9 @@ def _herds(brushes, trial, seed, dwells=1, copies=0):
 
 
 class Response:
-    """What herds were seen to do along a way: points (n,), ascending, and means (n, 2) there.
+    """What herds were seen to do along a way: points (n,), ascending, and means (n, c) there.
+
+    A column is a measure of herds of one size.
 
     Points may be there more than once.
     """
@@ -223,12 +273,28 @@ class Response:
         order = np.argsort(every, kind="stable")
         self.points, self.means = every[order], np.concatenate([self.means, means])[order]
 
-    def one_way(self):
-        """Each point once, and the nearest values there that never go back, (k,) and (k, 2)."""
+    def each(self):
+        """Each point once, its mean and how often it was measured; and the valleys next to the ends, (k,) bool.
+
+        A valley is where herds lie outside the range between those of the ends: random turning may first take from a
+        herd the order that it had.
+        """
         points, where, count = np.unique(self.points, return_inverse=True, return_counts=True)
         means = np.zeros((len(points), self.means.shape[1]))
         np.add.at(means, where, self.means)
         means /= count[:, None]
+        low, high = np.sort(means[[0, -1]], axis=0)
+        outside = (((means < low - VALLEY) | (means > high + VALLEY)) & (high - low > MOST_STEP)).any(1)
+        outside[[0, -1]] = True
+        if outside.all():
+            outside[:] = False
+        first, last = (np.logical_and.accumulate(way) for way in (outside, outside[::-1]))
+        return points, means, count, first, last[::-1]
+
+    def one_way(self):
+        """Each point once, and the nearest values there that never go back, (k,) and (k, c); as the end in valleys."""
+        points, means, count, first, last = self.each()
+        means[first], means[last] = means[0], means[-1]
         smooth = [isotonic_regression(v, weights=count, increasing=bool(v[-1] >= v[0])).x for v in means.T]
         return points, np.stack(smooth, 1)
 
@@ -252,25 +318,32 @@ class Response:
         """``steps + 1`` points between which the behaviour changes as much.
 
         Where nothing changes the way still goes on, by a small share of its own length; by more, where all that changes
-        is little.
+        is little.  No step lies in a valley.
         """
         points, means = self.one_way()
+        *_, first, last = self.each()
+        apart = np.where(first[1:] & first[:-1] | last[1:] & last[:-1], 0.0, np.diff(points))
         means[1:-1] = 0.25 * means[:-2] + 0.5 * means[1:-1] + 0.25 * means[2:]  # few seeds leave stairs
-        change = np.abs(np.diff(means, axis=0)).sum(1)
-        change += max(KEEP_GOING, 1.0 - change.sum()) * np.diff(points)
+        change = np.abs(np.diff(means, axis=0)).max(1)
+        change += max(KEEP_GOING, 1.0 - change.sum()) * apart
         gone = np.concatenate([[0.0], np.cumsum(change)])
         found = np.interp(np.linspace(0.0, gone[-1], steps + 1), gone, points)
         found[0], found[-1] = 0.0, 1.0
         return found
 
 
-def response(at, trial) -> Response:
+def response(at, trials) -> Response:
     """What fresh herds do along a way, measured more closely where it changes."""
     points = np.linspace(0.0, 1.0, COARSE + 1)
-    seen = Response(points, measured(at, points, trial, FIRST_FRESH).mean)
+    seen = Response(points, means_of(at, points, trials, FIRST_FRESH))
     while len(more := seen.too_far()[: MOST_POINTS - len(seen.points)]):
-        seen.add(more, measured(at, more, trial, FIRST_FRESH).mean)
+        seen.add(more, means_of(at, more, trials, FIRST_FRESH))
     return seen
+
+
+def means_of(at, points, trials, first_seed):
+    """What fresh herds of each size do, side by side, (points, 2 * sizes)."""
+    return np.hstack([measured(at, points, trial, first_seed).mean for trial in trials])
 
 
 def measured(at, points, trial, first_seed=FIRST_CHECK) -> Measured:
@@ -319,22 +392,29 @@ def faults(found: Measured) -> list[str]:
 
 
 def table(found: Morph) -> str:
-    """All ways side by side, and what they are worth."""
-    steps = len(found.path.along) - 1
-    ways = {"path": found.on_path, "straight line": found.straight, "there": found.swept.there,
-            "back": found.swept.back}  # fmt: skip
-    lines = [" " * 16 + "".join(f"{name:<26}" for name in ways), "step   along   " + "polarization  milling     " * 4]
-    for k, along in enumerate(found.path.along):
+    """All ways side by side, for herds of each size, and what they are worth."""
+    lines = [line for one in found.judged for line in _table_of(one, found.path)]
+    return "\n".join([*lines, *(f"jumps by {size:.2f} at {where:.4f} of the way" for where, size in found.jumps)])
+
+
+def _table_of(one: Judged, path: BrushPath):
+    ways = {"path": one.on_path, "straight line": one.straight}
+    if one.swept:
+        ways |= {"there": one.swept.there, "back": one.swept.back}
+    yield f"{one.animals} animals, {one.on_path.seeds} seeds"
+    yield (" " * 16 + "".join(f"{name:<26}" for name in ways)).rstrip()
+    yield ("step   along   " + "polarization  milling     " * len(ways)).rstrip()
+    for k, along in enumerate(path.along):
         cells = [f"{m.mean[k, c]:.2f} ± {m.deviation[k, c]:.2f}" for m in ways.values() for c in (0, 1)]
-        lines.append(f"{k:>2} / {steps:<2} {along:.4f}  {'   '.join(cells)}")
+        yield f"{k:>2} / {len(path.along) - 1:<2} {along:.4f}  {'   '.join(cells)}"
     for name in ("path", "straight line"):
         said = faults(ways[name])
-        lines.append(f"{name}: {'; '.join(said) if said else 'even'}")
-    lines += [f"jumps by {size:.2f} at {where:.4f} of the way" for where, size in found.jumps]
-    return "\n".join([*lines, verdict(found.swept, found.path.even)])
+        yield f"{name}: {'; '.join(said) if said else 'even'}"
+    if one.swept:
+        yield verdict(one.swept)
 
 
-def verdict(swept: Branches, even: bool) -> str:
+def verdict(swept: Branches) -> str:
     """What the way there and the way back say, in words."""
     point, column, apart, error = swept.widest()
     name, last = MEASURES[column], len(swept.there.mean) - 1
@@ -344,5 +424,4 @@ def verdict(swept: Branches, even: bool) -> str:
         return f"no hysteresis: {said}"
     jumps = [np.abs(np.diff(m.mean[:, column])) for m in swept]
     largest = [f"{jump.max():.2f} between {jump.argmax()}/{last} and {jump.argmax() + 1}/{last}" for jump in jumps]
-    kind = "hysteresis, though fresh herds change evenly" if even else "bistable"
-    return f"{kind}: {said}; largest step there {largest[0]}, back {largest[1]}"
+    return f"bistable: {said}; largest step there {largest[0]}, back {largest[1]}"

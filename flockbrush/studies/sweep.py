@@ -97,9 +97,9 @@ def run_jobs(
             whole = _fill(executor, running, waiting, suspects, 2 * width)
             if whole and not running:
                 return
-            done, _ = wait(running, timeout=BEAT, return_when=FIRST_COMPLETED)
+            finished, _ = wait(running, timeout=BEAT, return_when=FIRST_COMPLETED)
             died: list[tuple[SweepJob, Exception]] = []
-            for future in done:
+            for future in finished:
                 job = running.pop(future)
                 try:
                     rows = list(job.rows(future.result()))
@@ -306,7 +306,9 @@ def _different(sweep):
     return {scenario.hash: scenario for scenario in sweep.scenarios}.values()
 
 
-def sweep_to(sweep: Sweep, folder, open_executor, width, resume=False, look=lambda: None, step=lambda done: None):
+def sweep_to(
+    sweep: Sweep, folder, open_executor, width, resume=False, look=lambda: None, step=lambda runs_done_before: None
+):
     """Run the rest of a sweep; returns its journal.
 
     Parameters
@@ -333,12 +335,12 @@ def sweep_to(sweep: Sweep, folder, open_executor, width, resume=False, look=lamb
                 f"the folder already has {len(journal.rows):,} runs; continue with --resume, or choose another --out",
             )
         journal.begin(build_of_sweep())
-        done = sweep.runs - len(_different(sweep)) * len(sweep.seeds) + runs_done(sweep, journal)
+        runs_done_before = sweep.runs - len(_different(sweep)) * len(sweep.seeds) + runs_done(sweep, journal)
         with journal.writing() as add:
             for row in run_jobs(jobs_of(sweep, journal), open_executor, width, look):
                 add(row)
-                done += 1
-                step(done)
+                runs_done_before += 1
+                step(runs_done_before)
     return journal
 
 

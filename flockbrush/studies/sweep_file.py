@@ -4,7 +4,7 @@ A sweep is a file ``NAME.sweep.toml``::
 
     schema = "flockbrush.sweep/1"
     experiment = "level"                # or "v_rules"
-    measures = ["polarization", "nnd"]  # all there are unless told
+    measures = ["polarization", "nnd"]  # all there are by default
 
     [seeds]
     count = 20                          # 0 to 19
@@ -167,9 +167,9 @@ def parse_sweep(data: bytes, name: str, folder=Path()) -> Sweep:
     """The sweep whose file has these bytes; paths in it start from the folder."""
     toml = parse_toml(data, name)
     if toml.data.get("schema") != SCHEMA:
-        given = toml.data.get("schema")
-        said = "is missing" if given is None else f"is {shown(given)}"
-        raise ProblemsError([Problem(name, toml.line(("schema",)), "schema", f"{said}; it must be {SCHEMA!r}")])
+        schema = toml.data.get("schema")
+        problem = "is missing" if schema is None else f"is {shown(schema)}"
+        raise ProblemsError([Problem(name, toml.line(("schema",)), "schema", f"{problem}; it must be {SCHEMA!r}")])
     tables, problems = _parameter_tables(toml)
     plain = {key: value for key, value in toml.data.items() if key not in ("schema", "grid", "fixed", "case")}
     document, mistakes = validated(_Document, plain)
@@ -236,7 +236,7 @@ def _flat(table: dict, path: Key):
     """(dotted name, (path in the file, value)) of nested tables."""
     for name, value in table.items():
         if isinstance(value, dict):
-            yield from ((f"{name}.{inner}", found) for inner, found in _flat(value, (*path, name)))
+            yield from ((f"{name}.{inner}", leaf) for inner, leaf in _flat(value, (*path, name)))
         else:
             yield name, ((*path, name), value)
 
@@ -249,22 +249,22 @@ def _scenarios(toml, tables, experiment, folder, measures):
     if count > limits.SCENARIOS:
         message = f"the sweep has {count:,} scenarios; the maximum is {limits.SCENARIOS:,}"
         raise ProblemsError([toml.problem(("grid",), message)])
-    made, problems = [], []
+    scenarios, problems = [], []
     for case in cases or [{}]:
         for values in itertools.product(*(values for _, values in grid.values())):
             varied = dict(zip(grid, values, strict=True))
             paths = {name: path for source in (fixed, grid, case) for name, (path, _) in source.items()}
-            given = {name: value for name, (_, value) in fixed.items()} | varied
-            given |= {name: value for name, (_, value) in case.items() if name != "title"}
+            parameters = {name: value for name, (_, value) in fixed.items()} | varied
+            parameters |= {name: value for name, (_, value) in case.items() if name != "title"}
             if case:
                 varied = {"case": case["title"][1]} | varied
             try:
-                ready = experiment.ready(given, folder)
+                ready = experiment.ready(parameters, folder)
             except Mistakes as error:
                 for name, message in error.found:
                     path = paths.get(name) or paths.get(name.split(".")[0]) or ("fixed",)
                     if message.startswith("must"):
-                        path = _element(toml, path, given.get(name))
+                        path = _element(toml, path, parameters.get(name))
                     problems.append(toml.problem(path, message))
                 continue
             unknown = [name for name in measures if name not in ready.measures]
@@ -272,11 +272,11 @@ def _scenarios(toml, tables, experiment, folder, measures):
                 toml.problem(("measures",), f"there is no measure {shown(name)}{did_you_mean(name, ready.measures)}")
                 for name in unknown
             ]
-            kept = tuple(measures or ready.measures)
-            made.append(Scenario(_hash(experiment.name, ready), varied, ready.parameters, ready.files, kept))
+            measured = tuple(measures or ready.measures)
+            scenarios.append(Scenario(_hash(experiment.name, ready), varied, ready.parameters, ready.files, measured))
     if problems:
         raise ProblemsError(_in_order(problems))
-    return tuple(made)
+    return tuple(scenarios)
 
 
 def _element(toml, path, value):

@@ -128,20 +128,20 @@ def _kept(expectation, scenarios):
         twin = next((s for s in scenarios if s["parameters"] == other), None)
         if twin is not None and twin is not scenario:
             least = mean_of(twin, expectation.measure)
-            said = ", ".join(
+            expectations = ", ".join(
                 f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
                 for name, value in expectation.more_than.items()
             )
-            yield line | {"expected": f"more than {least:.4g} ({said})", "kept": bool(mean > least)}
+            yield line | {"expected": f"more than {least:.4g} ({expectations})", "kept": bool(mean > least)}
 
 
 # for people ------------------------------------------------------------------------------
 
 
-def show(sweep: Sweep, found):
+def show(sweep: Sweep, summary):
     """Print the summary."""
     names = list(sweep.varied)
-    worded = [name for name in sweep.measures if any(name in s["shares"] for s in found["scenarios"])]
+    worded = [name for name in sweep.measures if any(name in s["shares"] for s in summary["scenarios"])]
     numbers = [name for name in sweep.measures if name not in worded]
     plotted = [name for name in sweep.plot.measures if name in numbers] or numbers
     for shown, spread in ((numbers, True), (numbers, False), (plotted, True), (plotted, False)):  # as much as fits
@@ -153,41 +153,41 @@ def show(sweep: Sweep, found):
                 number(scenario["runs_per_core_second"]),
                 *(_cell(scenario, name, spread) for name in shown),
             ]
-            for scenario in found["scenarios"]
+            for scenario in summary["scenarios"]
         ]
         widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
         if sum(widths) + 3 * len(widths) <= WIDE:
             break
     right = [name for name in columns if name != "case"]
-    made = table(*columns, rows=rows, title=found["title"] or found["sweep"], right=right)
-    for column in made.columns:
+    means = table(*columns, rows=rows, title=summary["title"] or summary["sweep"], right=right)
+    for column in means.columns:
         column.no_wrap = column.justify == "right"
-    print_table(made)
+    print_table(means)
     for name in worded:
-        _show_shares(found, names, name)
-    if found["expected"]:
-        made = table("", "measure", *names, "mean", "expected", title="expected", right=["mean", *names])
-        for line in found["expected"]:
+        _show_shares(summary, names, name)
+    if summary["expected"]:
+        means = table("", "measure", *names, "mean", "expected", title="expected", right=["mean", *names])
+        for line in summary["expected"]:
             cells = _cells(line, names)
-            made.add_row(
+            means.add_row(
                 "kept" if line["kept"] else styled("[bold]MISSED[/]"),
                 line["measure"],
                 *cells,
                 number(line["mean"]),
                 line["expected"],
             )
-        print_table(made)
-    for failure in found["failures"][:SHOWN_FAILURES]:
+        print_table(means)
+    for failure in summary["failures"][:SHOWN_FAILURES]:
         where = ", ".join(f"{name} {_plain(value)}" for name, value in failure.items() if name != "error")
         print_line(f"failed: {where}: {failure['error']}")
-    if found["failed"] > SHOWN_FAILURES:
-        print_line(f"... and {found['failed'] - SHOWN_FAILURES} more failed runs; see runs.csv")
-    rate = found["done"] / found["core_seconds"] if found["core_seconds"] > 0 else math.nan
+    if summary["failed"] > SHOWN_FAILURES:
+        print_line(f"... and {summary['failed'] - SHOWN_FAILURES} more failed runs; see runs.csv")
+    rate = summary["done"] / summary["core_seconds"] if summary["core_seconds"] > 0 else math.nan
     print_line(
-        f"{found['done']:,} of {found['runs']:,} runs, {number(found['core_seconds'])} s of processor time: "
+        f"{summary['done']:,} of {summary['runs']:,} runs, {number(summary['core_seconds'])} s of processor time: "
         f"{number(rate)} runs per second and core"
     )
-    for file in found["files"]:
+    for file in summary["files"]:
         print_line(f"wrote {file}")
 
 
@@ -210,17 +210,17 @@ def _cell(scenario, name, spread=True):
     return f"{means['mean']:.{digits}f} ± {means['std']:.{digits}f}" if digits < 6 else number(means["mean"])
 
 
-def _show_shares(found, names, name):
+def _show_shares(summary, names, name):
     """How often a measure that is a word was which."""
     totals: dict[str, float] = {}
-    for scenario in found["scenarios"]:
+    for scenario in summary["scenarios"]:
         for word, share in scenario["shares"].get(name, {}).items():
             totals[word] = totals.get(word, 0.0) + share
     words = sorted(totals, key=lambda word: -totals[word])
     made = table(
         *names, *words, title=f"{name}, share of the runs", right=[*(name for name in names if name != "case"), *words]
     )
-    for scenario in found["scenarios"]:
+    for scenario in summary["scenarios"]:
         shares = scenario["shares"].get(name, {})
         made.add_row(*_cells(scenario, names), *(f"{shares.get(word, 0.0):.3f}" for word in words))
     print_table(made)
@@ -229,7 +229,7 @@ def _show_shares(found, names, name):
 # as files --------------------------------------------------------------------------------
 
 
-def write_files(sweep: Sweep, journal: Journal, found, folder, theme="light") -> list[Path]:
+def write_files(sweep: Sweep, journal: Journal, summary, folder, theme="light") -> list[Path]:
     """Tables, summary and pictures in a folder."""
     folder = Path(folder)
     rows = list(rows_of(sweep, journal))
@@ -242,10 +242,10 @@ def write_files(sweep: Sweep, journal: Journal, found, folder, theme="light") ->
     with whole(written[1]) as temporary:
         from flockbrush.runs.terminal import finite
 
-        temporary.write_text(json.dumps(finite(found), indent=1, ensure_ascii=False), encoding="utf-8")
+        temporary.write_text(json.dumps(finite(summary), indent=1, ensure_ascii=False), encoding="utf-8")
     if importlib.util.find_spec("pyarrow"):
         written.append(_write_parquet(folder / "runs.parquet", sweep, columns))
-    panels = panels_of(sweep, found)
+    panels = panels_of(sweep, summary)
     if panels and not drawing_problems(folder):
         written.append(folder / "means.png")
         write_figure(written[-1], figure_of(panels, sweep.title or sweep.name, NOTE, theme=theme))
@@ -305,7 +305,7 @@ def _of_one_kind(values):
 # as plots --------------------------------------------------------------------------------
 
 
-def panels_of(sweep: Sweep, found) -> list[CurveChart]:
+def panels_of(sweep: Sweep, summary) -> list[CurveChart]:
     """A panel for each measure: its mean, with the error of the mean, over one parameter."""
     varied = {name: values for name, values in sweep.varied.items() if len(values) > 1}
     if not varied:
@@ -322,7 +322,7 @@ def panels_of(sweep: Sweep, found) -> list[CurveChart]:
     for measure in sweep.plot.measures or sweep.measures:
         curves = []
         for k, group in enumerate(sweep.varied[lines] if lines else [None]):
-            points = [s for s in found["scenarios"] if lines is None or s["parameters"].get(lines) == group]
+            points = [s for s in summary["scenarios"] if lines is None or s["parameters"].get(lines) == group]
             points = [s for s in points if across in s["parameters"] and measure in s["means"]]
             if len(sweep.varied) > 2:
                 points = _first_of_each(points, across)

@@ -118,8 +118,8 @@ def draw_sweep(sweep, rows, folder, theme="light") -> list[Path]:
     picture("forming.png", draw_formations, "How one flock forms", moments, same_scale=True)
     scenario = _middle(fine)
     of = [row["seed"] for other, row in fine if other is scenario][:TRACED]
-    said = ", ".join(f"{name} {value}" for name, value in scenario.varied.items())
-    panel = CurveChart(f"distance (wingspans), {said}", "time steps", _traces(scenario, of))
+    varied = ", ".join(f"{name} {value}" for name, value in scenario.varied.items())
+    panel = CurveChart(f"distance (wingspans), {varied}", "time steps", _traces(scenario, of))
     if not drawing_problems(folder):
         title = f"Mean distance to the nearest line, {len(of)} flocks"
         written.append(folder / "distance_over_time.png")
@@ -139,15 +139,15 @@ def _one_of_each_shape(sweep, fine):
     """The first flock of each shape, those that settled before those that did not."""
     samples = []
     for shape in SHAPES:
-        found = [entry for entry in fine if entry[1]["measures"]["shape"] == shape]
-        if not found:
+        entries = [entry for entry in fine if entry[1]["measures"]["shape"] == shape]
+        if not entries:
             continue
-        scenario, row = min(found, key=lambda e: (-e[1]["measures"].get("stabilised", 0), e[0].parameters["birds"]))
+        scenario, row = min(entries, key=lambda e: (-e[1]["measures"].get("stabilised", 0), e[0].parameters["birds"]))
         spec, flights = _flown(scenario.parameters, row["seed"])
-        said = f"{shape}: {spec.birds} birds, {spec.angle:g}°, seed {row['seed']}"
+        title = f"{shape}: {spec.birds} birds, {spec.angle:g}°, seed {row['seed']}"
         if not flights.settled[0]:
-            said += ", not settled"
-        samples.append(SampleFormation(said, flights.xyz[0], spec))
+            title += ", not settled"
+        samples.append(SampleFormation(title, flights.xyz[0], spec))
     return samples
 
 

@@ -21,7 +21,7 @@ LEVELS = (".tmj", ".json")  # what level files end in
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 
-class Deeds:
+class AppActions:
     """Methods of the App that actions call."""
 
     # time --------------------------------------------------------------------------
@@ -77,23 +77,23 @@ class Deeds:
 
     def do(self, label, commands, join=None):
         """Apply commands to the world; returns whether it worked.  A refusal becomes a message."""
-        done = self.session.do(label, list(commands), join=join)
+        applied = self.session.do(label, list(commands), join=join)
         self.tell()
-        return done
+        return applied
 
     def undo(self):
         """Undo the last change."""
         self.tool.interrupt()
-        self._told(self.session.undo_label, self.session.undo(), "undo")
+        self._notify_step(self.session.undo_label, self.session.undo(), "undo")
 
     def redo(self):
         """Redo the change that was undone last."""
         self.tool.interrupt()
-        self._told(self.session.redo_label, self.session.redo(), "redo")
+        self._notify_step(self.session.redo_label, self.session.redo(), "redo")
 
-    def _told(self, label, done, step):
+    def _notify_step(self, label, happened, step):
         """Say what was undone or redone; what stands against it the session says itself."""
-        if done:
+        if happened:
             self.notify(f"{step[:-2]}done: {label}")
         elif not label:
             self.notify(f"there is nothing to {step}")
@@ -165,7 +165,7 @@ class Deeds:
         written = self.session.save(path)
         self.tell()
         if written:
-            self._told_disk = ""
+            self._known_disk = ""
             pygame.display.set_caption(self.title())
             self.notify(f"saved {written}")
         return written
@@ -199,9 +199,9 @@ class Deeds:
             self.ask("The level file was deleted", f"{self.session.path} does not exist any more.", answers)
             return
         answers = [("Reload", self._reload), ("Keep mine", lambda: self._reload("mine"))]
-        kept = "  Both versions are kept: yours in a .mine.bak file, the other in a .theirs.bak file."
-        kept = kept if self.session.dirty else ""
-        self.ask("The level file has changed", f"Another program has changed this level file.{kept}", answers)
+        advice = "  Both versions are kept: yours in a .mine.bak file, the other in a .theirs.bak file."
+        advice = advice if self.session.dirty else ""
+        self.ask("The level file has changed", f"Another program has changed this level file.{advice}", answers)
 
     def offer_recovery(self, left):
         """Ask whether to recover the unsaved changes of a crashed session."""
@@ -264,8 +264,8 @@ class Deeds:
         """Stop the video, if one is being recorded."""
         film, self.film = self.film, None
         if film is not None:
-            said = film.close()
-            self.notify(said, "error" if film.problem else "info")
+            message = film.close()
+            self.notify(message, "error" if film.problem else "info")
 
     # the window ------------------------------------------------------------------------
 
@@ -364,17 +364,17 @@ class Deeds:
             self.notify(f"{key.command} has values that this form cannot show; change this key in Tiled", "warning")
             return
         xy = tuple(key.xy.tolist()) if xy is None else tuple(round(float(value), 2) for value in xy)
-        here = dict(zip("xy", xy, strict=True))
+        position = dict(zip("xy", xy, strict=True))
         name = name or (key.command if key else "Gust" if "Gust" in known else next(iter(known)))
         same = key is not None and name == key.command
-        given = from_record(name, key.args) if same else blank(known[name], xy)
+        shown_command = from_record(name, key.args) if same else blank(known[name], xy)
         when = key.at if key else round(world.clock.now, 2)
         called = key.name if key else free_name(world, "key")
 
         def give(texts):
             try:
-                told = changed(given, {row: text for row, text in texts.items() if row != "when"})
-                args = {row: value for row, value in said(told).items() if value != here.get(row)}
+                command = changed(shown_command, {row: text for row, text in texts.items() if row != "when"})
+                args = {row: value for row, value in said(command).items() if value != position.get(row)}
                 at = number(texts["when"])
                 needed = self.brush_needed(args["brush"]) if args.get("brush") else []
                 place = PlaceKey(key.id if key else self.new_id(), called, at, name, args, *xy)
@@ -384,7 +384,7 @@ class Deeds:
                 return False
 
         menu = {"choices": list(known), "chosen": name, "choose": lambda other: self.ask_key(xy, key, other)}
-        rows = [FormRow("when", "time, s", f"{when:g}", "time of the command after the start"), *rows_of(given)]
+        rows = [FormRow("when", "time, s", f"{when:g}", "time of the command after the start"), *rows_of(shown_command)]
         self.open_dialog(Form(self, f"Script key {called!r}", rows, give, **menu))
 
     def _open_form(self, title, command, label, kind="", **menu):
@@ -392,8 +392,8 @@ class Deeds:
 
         def give(texts):
             try:
-                told = changed(command, texts)
-                return self.do(label, [*self.mix_needed(told), told])
+                edited = changed(command, texts)
+                return self.do(label, [*self.mix_needed(edited), edited])
             except ValueError as error:
                 self.notify(str(error), "error")
                 return False

@@ -15,7 +15,7 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 
 
-class Hand:
+class ActiveTool:
     """Methods of the App that tools call."""
 
     def empty(self, brush=None):
@@ -55,9 +55,9 @@ class Hand:
         flying = sum(spawn.count if self._flies(spawn.brush) else -spawn.count for spawn in spawns) > 0
         quiet = [name for name in quiet if self._flies(name) == flying] or quiet
         others = [name for name in quiet if name not in used]
-        for wished in ("mill-hollow", "swarm", "mill-filled"):
-            if wished in others:
-                return wished
+        for preferred in ("mill-hollow", "swarm", "mill-filled"):
+            if preferred in others:
+                return preferred
         return (others or quiet or names or [""])[0]
 
     def _binds(self, name, present):
@@ -207,7 +207,7 @@ class Hand:
         brush = self.library.get(name)
         source = brush.source.decode() if isinstance(brush.source, bytes) else brush.source
         paths = {end: self.paths_to(end, [name]) for end in self.world_palette().over}
-        return [UseBrush(name, source), *(MixBrush(end, found) for end, found in paths.items() if found)]
+        return [UseBrush(name, source), *(MixBrush(end, files) for end, files in paths.items() if files)]
 
     def mix_needed(self, command):
         """Commands that load the mixed brushes of a zone into the world, if they are not loaded yet."""
@@ -225,8 +225,8 @@ class Hand:
 
     def paths_to(self, end, starts):
         """{file: text} of the measured paths from some brushes to another."""
-        found = (self.library.path_between(start, end) for start in starts if start != end)
-        return {file: text.decode() for file, text in filter(None, found)}
+        paths = (self.library.path_between(start, end) for start in starts if start != end)
+        return {file: text.decode() for file, text in filter(None, paths)}
 
     def colour_of(self, name):
         """The colour "#rrggbb" of a brush."""
@@ -266,8 +266,8 @@ class Hand:
         from flockbrush.behaviours.behaviour import behaviours
 
         models = behaviours()
-        found = ((name, self.find_brush(name)) for name in self.brush_names())
-        return [name for name, brush in found if brush is not None and models[brush.model].danger]
+        brushes = ((name, self.find_brush(name)) for name in self.brush_names())
+        return [name for name, brush in brushes if brush is not None and models[brush.model].danger]
 
     def painted_under(self, xy, species):
         """Name of the painted brush that a species follows at a point of the ground, or ""."""
@@ -323,8 +323,8 @@ class Hand:
 
     def thing_under(self, xy, kinds):
         """(kind, object) at a point of the ground, else of the smallest area around it; None where there is none."""
-        found = self.things_at([xy], self.tool.reach(), kinds)
-        return found[0] if found else lookup.area_around(self.session.simulation, xy, kinds)
+        hits = self.things_at([xy], self.tool.reach(), kinds)
+        return hits[0] if hits else lookup.area_around(self.session.simulation, xy, kinds)
 
     def animal_at(self, xy, reach):
         """Id of the animal nearest to a point of the ground, or None; in the 3D view, of the one under the mouse."""

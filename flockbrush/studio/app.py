@@ -12,8 +12,8 @@ import numpy as np
 import pygame
 from pygame_gui.elements import UIPanel
 
-from flockbrush.studio.actions import Deeds
-from flockbrush.studio.active_tool import Hand
+from flockbrush.studio.actions import AppActions
+from flockbrush.studio.active_tool import ActiveTool
 from flockbrush.studio.brush_palette import Thumbnails
 from flockbrush.studio.canvas_events import CanvasEvents
 from flockbrush.studio.column import Column
@@ -38,7 +38,7 @@ DISK = 1.0  # s between two looks at the level file
 KEPT = "unsaved changes are kept; flockbrush play offers to recover them when you open the level again"
 
 
-class App(Hand, Deeds, CanvasEvents, Window):
+class App(ActiveTool, AppActions, CanvasEvents, Window):
     """A window on a session.
 
     Parameters
@@ -46,9 +46,9 @@ class App(Hand, Deeds, CanvasEvents, Window):
     size : (int, int)
         Of the window, pixels.
     theme : {"light", "dark"}, optional
-        The one of last time unless told.
+        The one of last time by default.
     scale : float, optional
-        Of the controls; found from window and screen unless told.
+        Of the controls; found from window and screen by default.
     brush : str, optional
         The brush in hand at first.
 
@@ -86,7 +86,7 @@ class App(Hand, Deeds, CanvasEvents, Window):
         self.film = self.help = self.hint = None
         self._panning = self._turning = self._space = self._space_used = self._stroking = False
         self._button = 0  # the one that holds the stroke
-        self._told_disk: tuple | str = ""  # what of the level's file on disk the person knows
+        self._known_disk: tuple | str = ""  # what of the level's file on disk the person knows
         self._covered = False
         self.thumbnails = Thumbnails(self)
         self.column = None
@@ -169,13 +169,13 @@ class App(Hand, Deeds, CanvasEvents, Window):
             self.guarded(self.session.set_off, budget)
         looked = time.perf_counter()
         self.guarded(self.canvas.draw)
-        drawn = time.perf_counter()
+        drawn_at = time.perf_counter()
         self.guarded(self._show, dt)
         shown = time.perf_counter()
         self.seconds = {
             "simulation": lived - handled,
-            "drawing": drawn - looked,
-            "interface": handled - begin + looked - lived + shown - drawn,
+            "drawing": drawn_at - looked,
+            "interface": handled - begin + looked - lived + shown - drawn_at,
         }
 
     def _between_ticks(self):
@@ -203,11 +203,11 @@ class App(Hand, Deeds, CanvasEvents, Window):
         changed = self.session.changed_on_disk()
         version = changed and (changed, _written(self.session.path))
         if self.dialog is None:
-            if changed == "changed" and not self.session.dirty and version != self._told_disk:
+            if changed == "changed" and not self.session.dirty and version != self._known_disk:
                 self.reload_live()
-            elif changed and version != self._told_disk:
+            elif changed and version != self._known_disk:
                 self.offer_reload(changed)
-            self._told_disk = version
+            self._known_disk = version
 
     def tell(self):
         """Show the notices of the session."""

@@ -14,7 +14,7 @@ from flockbrush.engine.state import StateError, check_beginning, pieces, snapsho
 from flockbrush.levels.build import DT
 from flockbrush.levels.schema import Level
 from flockbrush.runs import run as running
-from flockbrush.studio.scribe import Scribe
+from flockbrush.studio.branch_recorder import BranchRecorder
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ class Branch:
     parent: str = ""
     left: int = 0
     editor: Any = None  # flockbrush.levels.editor.Editor; of the level's document as it is at the branch's end
-    scribe: Scribe | None = None
+    recorder: BranchRecorder | None = None
     outdated: bool = False  # another branch was saved since
     differs: int | None = None  # the first tick that came out differently when it was lived again
 

@@ -10,8 +10,8 @@ import pygame_gui
 
 from flockbrush.render.brush_marks import swatch
 from flockbrush.render.style import mix, rgb
-from flockbrush.studio.theme import chrome, px
-from flockbrush.studio.widgets import PictureButton, Shelf
+from flockbrush.studio.theme import chrome, font, px
+from flockbrush.studio.widgets import PictureButton, Shelf, fitted
 
 CAPS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # m/s
 ACROSS = 2  # pictures side by side
@@ -19,12 +19,12 @@ ACROSS = 2  # pictures side by side
 
 def whence(brush) -> str:
     """Tooltip text about the origin of a brush's parameters, and the fit of a learned brush."""
-    told = brush.provenance
-    lines = [f"{told.kind}: {told.clip or told.source}"]
-    if told.clip and told.frames:
-        lines[0] += f", frames {told.frames[0]} to {told.frames[1]}"
+    provenance = brush.provenance
+    lines = [f"{provenance.kind}: {provenance.clip or provenance.source}"]
+    if provenance.clip and provenance.frames:
+        lines[0] += f", frames {provenance.frames[0]} to {provenance.frames[1]}"
     for name in ("polarization", "milling"):
-        pair = [told.report.get(f"held-out {name}, {whose}") for whose in ("clip", "simulated")]
+        pair = [provenance.report.get(f"held-out {name}, {source}") for source in ("clip", "simulated")]
         if None not in pair:
             lines.append(f"{name} {pair[0]:.2f} in frames held out, {pair[1]:.2f} simulated")
     return "<br>".join(map(html.escape, lines))
@@ -80,7 +80,7 @@ class PaletteButtons:
         else:
             picture, ready = self._swatch(entry), True
         button = PictureButton(
-            place, fitted(title, place.width - px(app.scale, 6), app.scale), app.manager, self.back,
+            place, fitted(title, font(px(app.scale, 12)), place.width - px(app.scale, 6)), app.manager, self.back,
             tool_tip_text=tip, object_id="@swatch", pictures=[picture], at=(0.5, 0.12),
         )  # fmt: skip
         self._made[entry] = button
@@ -223,15 +223,3 @@ def surface_of(array, size):
     array = np.ascontiguousarray(array)
     surface = pygame.image.frombuffer(array.tobytes(), array.shape[1::-1], "RGBA")
     return pygame.transform.smoothscale(surface, size).premul_alpha()
-
-
-def fitted(text, room, scale):
-    """The text, cut to the width of a picture button."""
-    from flockbrush.studio.theme import font
-
-    letters = font(px(scale, 12))
-    if letters.size(text)[0] <= room:
-        return text
-    while text and letters.size(text + "…")[0] > room:
-        text = text[:-1]
-    return text + "…"

@@ -49,9 +49,9 @@ class Column:
             (tab.select if k == index else tab.unselect)()
         for k, (panel, holder) in self.made.items():
             (holder.show if k == index else holder.hide)()
-            told = getattr(panel, "show" if k == index else "hide", None)
-            if told is not None:
-                told()
+            hook = getattr(panel, "show" if k == index else "hide", None)
+            if hook is not None:
+                hook()
 
     def show_titled(self, title):
         """Show the panel of this title, if there is one."""

@@ -30,9 +30,9 @@ class ControlKeys:
 
     def controls(self) -> list:
         """All that can be reached, in order: the bar above, the tools, the tabs, the bar below; each from the top."""
-        found = [e for e in self.app.manager.get_sprite_group().sprites() if isinstance(e, KINDS)]
-        parts = {_words_of(menu) for menu in found if isinstance(menu, UIDropDownMenu)}
-        return sorted((e for e in found if e not in parts and self._usable(e)), key=self._order)
+        elements = [e for e in self.app.manager.get_sprite_group().sprites() if isinstance(e, KINDS)]
+        parts = {_words_of(menu) for menu in elements if isinstance(menu, UIDropDownMenu)}
+        return sorted((e for e in elements if e not in parts and self._usable(e)), key=self._order)
 
     def _usable(self, element):
         whole = element.object_ids[-1] not in PARTS if element.object_ids else True

@@ -26,8 +26,10 @@ class Dialog(UIWindow):
         wide = min(width - 10, px(app.scale, 460))
         pad, row = px(app.scale, 12), px(app.scale, 32)
         lines = _lines(app, question, wide - 3 * pad)
-        said = lines * px(app.scale, 20) + px(app.scale, 14)
-        tall = min(height - 10, px(app.scale, 34) + said + (row + pad if entry is not None else 0) + row + 3 * pad)
+        text_height = lines * px(app.scale, 20) + px(app.scale, 14)
+        tall = min(
+            height - 10, px(app.scale, 34) + text_height + (row + pad if entry is not None else 0) + row + 3 * pad
+        )
         place = pygame.Rect(0, 0, wide, tall)
         place.center = width // 2, height // 2
         super().__init__(place, app.manager, title, object_id="#dialog", draggable=True)

@@ -41,11 +41,11 @@ def rows_of(command, kind="") -> list[FormRow]:
     for field in fields(command):
         if field.name in GIVEN | place or field.type not in PLAIN:
             continue
-        told = schema.property(field.name) if schema else None
+        described = schema.property(field.name) if schema else None
         value = getattr(command, field.name)
-        unit = "degrees" if field.name == "heading" else told.unit if told else ""
+        unit = "degrees" if field.name == "heading" else described.unit if described else ""
         label = field.name.replace("_", " ") + (f", {unit}" if unit else "")
-        rows.append(FormRow(field.name, label, _shown(field.name, value), told.meaning if told else about))
+        rows.append(FormRow(field.name, label, _shown(field.name, value), described.meaning if described else about))
     return rows
 
 
@@ -68,13 +68,13 @@ def _default(one):
 
 def live_commands() -> dict[str, type]:
     """Commands that a form can submit, by name: their fields are numbers and texts, lists stay empty."""
-    found = {}
+    commands = {}
     for name, kind in sorted(COMMANDS.items()):
         own = fields(kind)
         plain = own and all(field.name != "id" and (field.type in PLAIN or _may_lack(field)) for field in own)
         if plain and name not in STROKES and not kind.__module__.endswith(INTERNAL) and hasattr(kind, "touches"):
-            found[name] = kind
-    return found
+            commands[name] = kind
+    return commands
 
 
 def _may_lack(field):

@@ -38,13 +38,13 @@ def columns(theme, count) -> list[str]:
     parts = sections()
     share = sum(len(rows) + 2 for _, rows in parts) / count
     pages: list[list[str]] = [[] for _ in range(count)]
-    done = 0.0
+    used_height = 0.0
     for heading, rows in parts:
-        page = pages[min(int((done + len(rows) / 2) / share), count - 1)]
+        page = pages[min(int((used_height + len(rows) / 2) / share), count - 1)]
         page.append(f"<font color={hexed(c.accent)}><b>{heading}</b></font>")
         page += [f"<b>{escaped(keys)}</b>   <font color={hexed(c.muted)}>{escaped(what)}</font>" for keys, what in rows]
         page.append("")
-        done += len(rows) + 2
+        used_height += len(rows) + 2
     return ["<br>".join(page) for page in pages]
 
 

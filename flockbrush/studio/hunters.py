@@ -24,17 +24,17 @@ def hunters(app):
     models, library = behaviours(), app.session.simulation.world.resource(SpeciesList).library
     brushes = [(name, app.find_brush(name)) for name in app.brush_names()]
     dangerous = [(name, brush) for name, brush in brushes if brush is not None and models[brush.model].danger]
-    found = {}
+    by_species = {}
     for species in map(library.get, library.names()):
         if any(relation.verb == "hunt" for relation in species.relations.values()):
             fitting = (name for name, brush in dangerous if _fits(species, brush))
             name = next(fitting, None)
             if name is not None:
-                found[species.name] = Hunter(species.name, name)
-    if not found:
+                by_species[species.name] = Hunter(species.name, name)
+    if not by_species:
         return {name: Hunter("predator", name) for name, _ in dangerous}
     present = {spawn.species for spawn in app.session.simulation.level.spawns}
-    return dict(sorted(found.items(), key=lambda pair: (-_frightens(pair[0], present, library), pair[0])))
+    return dict(sorted(by_species.items(), key=lambda pair: (-_frightens(pair[0], present, library), pair[0])))
 
 
 def _fits(species, brush):

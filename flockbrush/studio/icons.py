@@ -20,8 +20,8 @@ FOLDER = Path(__file__).with_name("button_icons")
 @lru_cache(maxsize=512)
 def icon(name: str, size: int, colour: Colour) -> pygame.Surface:
     """The picture of this name, size x size pixels, in one colour on nothing."""
-    drawn = pygame.image.load_sized_svg(io.BytesIO((FOLDER / f"{name}.svg").read_bytes()), (size, size))
-    white = pygame.surfarray.pixels_red(drawn).astype(int) * pygame.surfarray.pixels_alpha(drawn) // 255
+    image = pygame.image.load_sized_svg(io.BytesIO((FOLDER / f"{name}.svg").read_bytes()), (size, size))
+    white = pygame.surfarray.pixels_red(image).astype(int) * pygame.surfarray.pixels_alpha(image) // 255
     surface = pygame.Surface((size, size), pygame.SRCALPHA)
     surface.fill((*colour, 0))
     pygame.surfarray.pixels_alpha(surface)[:] = white.astype(np.uint8)

@@ -36,10 +36,10 @@ class Legend:
             return
         self._wait = FRESH
         painted = frozenset(brushes_in_sight(self.app.canvas.painter.level))
-        said = (self._entries(herd), tuple(herd.brush_colours), self.app.theme, self.app.scale, painted)
-        if said != self._said:
-            self._said = said
-            self.picture = self._card(herd, said[0], painted)
+        content = (self._entries(herd), tuple(herd.brush_colours), self.app.theme, self.app.scale, painted)
+        if content != self._said:
+            self._said = content
+            self.picture = self._card(herd, content[0], painted)
 
     def _entries(self, herd):
         """((name, kind of figure, brush index, count), ...) in the order they are shown."""
@@ -113,9 +113,9 @@ class ScaleBar:
 
     def draw(self, surface, camera):
         """Lay the bar on the lower left of the canvas."""
-        said = (camera.scale, self.app.theme.name, self.app.scale)
-        if said != self._said:
-            self._said, self.picture = said, self._bar(camera.scale)
+        content = (camera.scale, self.app.theme.name, self.app.scale)
+        if content != self._said:
+            self._said, self.picture = content, self._bar(camera.scale)
         width, height = surface.get_size()
         if self.picture.get_width() < 0.6 * width and height > 160:
             pad = px(self.app.scale, 10)

@@ -42,7 +42,7 @@ class LiftWindow(Window):
     size : (int, int)
         Pixels.
     theme : {"light", "dark"}, optional
-        The one of the playground unless told.
+        The one of the playground by default.
 
     Attributes
     ----------
@@ -97,12 +97,12 @@ class LiftWindow(Window):
             ("step", "Next frame (Right)", lambda: self.step(1)), ("fit", "Show everything (0)", self.fit),
             ("camera", "View from the camera (C)", self.from_camera),
         ):  # fmt: skip
-            made = icon_button(self, pygame.Rect(x, px(self.scale, 6), side, side), picture, tip, back)
-            self.buttons[made] = do
+            new_button = icon_button(self, pygame.Rect(x, px(self.scale, 6), side, side), picture, tip, back)
+            self.buttons[new_button] = do
             if picture == "play":
-                self.play = made
+                self.play = new_button
             if picture == "camera" and self.show.camera is None:
-                made.disable()
+                new_button.disable()
             x += side + gap
         wide = px(self.scale, 200)
         self.clock = words(
@@ -152,17 +152,17 @@ class LiftWindow(Window):
         """Update labels and buttons."""
         flight = self.show.flight
         self.clock.say(f"frame {flight.first + self.k}   {self.k / flight.fps:.2f} of {self.show.seconds:.2f} s")
-        told = self.show.facts(self.k)
-        lines = [*told, *[""] * (3 - len(told)), self.show.about(self.k, self.bird)]
+        facts = self.show.facts(self.k)
+        lines = [*facts, *[""] * (3 - len(facts)), self.show.about(self.k, self.bird)]
         for label, text in zip(self.facts, lines, strict=True):
             label.say(text)
         if self.show.camera is not None:
             busy = "solving …" if self.solver.busy else ""
             self.solved.say(busy or (f"solved in {self.solver.seconds:.2f} s" if self.solver.seconds else ""))
-        wanted = "pause" if self.playing else "play"
-        if wanted != self._icon:
-            self._icon = wanted
-            set_icon(self, self.play, wanted)
+        icon_name = "pause" if self.playing else "play"
+        if icon_name != self._icon:
+            self._icon = icon_name
+            set_icon(self, self.play, icon_name)
         if self.scrub.get_current_value() != self.k and not self.scrub.has_moved_recently:
             self.scrub.set_current_value(self.k)
             self.scrub.has_moved_recently = False
@@ -257,8 +257,8 @@ class LiftWindow(Window):
             return np.zeros((0, 4))
         camera, near = self.painter.camera, 1.01 * self._near()
         one, two = ((points - camera.eye) @ camera.axes[2] for points in (begin, end))
-        seen = (one > near) | (two > near)
-        begin, end, one, two = begin[seen], end[seen], one[seen], two[seen]
+        in_front = (one > near) | (two > near)
+        begin, end, one, two = begin[in_front], end[in_front], one[in_front], two[in_front]
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.clip((near - one) / (two - one), 0.0, 1.0)[:, None]
         cut = begin + share * (end - begin)
@@ -335,7 +335,7 @@ class LiftWindow(Window):
     # looking ----------------------------------------------------------------------------------
 
     def look_from(self, camera=None):
-        """Look from there; from beside the whole flight and its camera unless told."""
+        """Look from there; from beside the whole flight and its camera by default."""
         if camera is None or camera.size != tuple(self.area.size):
             camera = self._all(camera)
         self._camera = camera
@@ -418,12 +418,12 @@ class LiftWindow(Window):
     def ask_brush(self):
         """Ask for the file of the brush."""
         self.playing = False
-        found = self.guarded(lambda: self.show.formation(self.k))
-        if found is None:
+        formation = self.guarded(lambda: self.show.formation(self.k))
+        if formation is None:
             return
-        kind = found.frames[0].kind
+        kind = formation.frames[0].kind
         name = f"{Path(self.show.name).name.split('.')[0]}-{kind.lower().replace(' ', '-')}.brush.toml"
-        question = f"The birds of this frame fly as a {kind} ({found.frames[0].why}). Write the brush to:"
+        question = f"The birds of this frame fly as a {kind} ({formation.frames[0].why}). Write the brush to:"
         answers = [("Write", self._brush), ("Write and play", None), ("Cancel", None)]
         where = str(Path(self.show.name).parent / name)
         self.ask("Formation brush", question, answers, where)

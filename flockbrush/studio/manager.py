@@ -51,8 +51,8 @@ class Manager(pygame_gui.UIManager):
         for element in self.ui_group.sprites():
             shape = element.drawable_shape
             if shape is not None and shape.states_to_redraw_queue:
-                drawn = [name for name in shape.states_to_redraw_queue if shape.states[name].generated]
-                shape.states_to_redraw_queue = deque(drawn)
+                generated = [name for name in shape.states_to_redraw_queue if shape.states[name].generated]
+                shape.states_to_redraw_queue = deque(generated)
         super().update(time_delta)
 
 
@@ -112,10 +112,10 @@ class _Shapes:
 
     def find_surface_in_cache(self, lookup_id):
         """The shape that looks so, or None."""
-        found = self._drawn.get(lookup_id)
-        if found is not None:
+        surface = self._drawn.get(lookup_id)
+        if surface is not None:
             self._drawn.move_to_end(lookup_id)
-        return found
+        return surface
 
     def add_surface_to_cache(self, surface, string_id):
         """Keep a shape; those that were not asked for lately are forgotten."""

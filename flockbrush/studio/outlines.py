@@ -18,8 +18,8 @@ def thinned(points, tolerance) -> np.ndarray:
     if len(points) < 3:
         return points
     origin = points.mean(axis=0)
-    kept = cv2.approxPolyDP((points - origin).astype(np.float32)[:, None], float(tolerance), False)
-    return kept[:, 0].astype(float) + origin
+    corners = cv2.approxPolyDP((points - origin).astype(np.float32)[:, None], float(tolerance), False)
+    return corners[:, 0].astype(float) + origin
 
 
 def swath(points, radius) -> list[np.ndarray]:
@@ -48,11 +48,11 @@ def _outlines(points, radius):
         cv2.line(mask, start.tolist(), stop.tolist(), 255, max(1, round(2 * radius / cell)), shift=4)
     for x, y in fine:
         cv2.circle(mask, (int(x), int(y)), max(1, round(16 * radius / cell)), 255, -1, shift=4)
-    found, family = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    outer = [contour for contour, (_, _, _, parent) in zip(found, family[0], strict=True) if parent < 0]
+    contours, family = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    outer = [contour for contour, (_, _, _, parent) in zip(contours, family[0], strict=True) if parent < 0]
     holes = any(
         parent >= 0 and cv2.contourArea(contour) * cell * cell > radius * radius / 4
-        for contour, (_, _, _, parent) in zip(found, family[0], strict=True)
+        for contour, (_, _, _, parent) in zip(contours, family[0], strict=True)
     )
     return [_few_corners(contour) * cell + low for contour in outer if len(contour) > 2], holes
 

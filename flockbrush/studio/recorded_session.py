@@ -13,7 +13,7 @@ from flockbrush.runs.run_edits import EXACT
 from flockbrush.studio.branches import Beginning, Branch
 from flockbrush.studio.gauges import sample_of
 from flockbrush.studio.recording_edits import edits_of_recording
-from flockbrush.studio.recovery import Shelter
+from flockbrush.studio.recovery import RecoveryFolder
 from flockbrush.studio.session import Session
 from flockbrush.studio.session_files import LevelFile, SessionNotice
 from flockbrush.studio.timeline import KEYFRAME_BYTES, Timeline, WentWrong
@@ -112,7 +112,7 @@ class RecordedSession(Session):
         if not keep and not self.dirty:
             for file in self.unpacked:
                 file.unlink(missing_ok=True)
-                remove_empty(file.parent, self._shelter.folder)
+                remove_empty(file.parent, self._recovery.folder)
         return super().close(keep)
 
 
@@ -145,27 +145,27 @@ def open_recorded(path, state_folder=None) -> Session:
     """
     run = open_recording(path)
     simulation = running.rebuild(run)
-    shelter = None
+    recovery = None
     try:
         level, library = running.embedded_level(run)
-        shelter = Shelter(Path(path).with_suffix(".tmj"), state_folder)
-        files = unpacked(run, shelter.folder / FOLDER)
+        recovery = RecoveryFolder(Path(path).with_suffix(".tmj"), state_folder)
+        files = unpacked(run, recovery.folder / FOLDER)
         branch = Branch.begun(MAIN, Beginning(level, library, run.header["seed"], run.header.get("agents")), simulation)
         branch.header, branch.assets = run.header, run.assets
         branch.take_over(run, simulation.world, KEYFRAME_BYTES // 2)
-        timeline = Timeline.resumed({MAIN: branch}, MAIN, shelter.folder, sample_of, at=0)
+        timeline = Timeline.resumed({MAIN: branch}, MAIN, recovery.folder, sample_of, at=0)
     except WentWrong as error:
-        if shelter is not None:
-            shelter.close()
+        if recovery is not None:
+            recovery.close()
         raise RecordingError(f"{path}: {error}") from None
     except BaseException:
-        if shelter is not None:
-            shelter.close()
+        if recovery is not None:
+            recovery.close()
         raise
     finally:
         simulation.close()
-    home = shelter.folder / FOLDER / run.header["level"]
-    session = RecordedSession(home, timeline, shelter, [SessionNotice("info", _told(run))])
+    home = recovery.folder / FOLDER / run.header["level"]
+    session = RecordedSession(home, timeline, recovery, [SessionNotice("info", _opening_notice(run))])
     session.lent, session.library, session.unpacked = True, library, files
     session._file = LevelFile(home, level.files[level.path.name])
     session._edit()
@@ -197,7 +197,7 @@ def unpacked(run, folder) -> tuple[Path, ...]:
     return tuple(files)
 
 
-def _told(run):
+def _opening_notice(run):
     seconds = run.last_tick * run.header["dt"]
     text = f"recording {Path(run.path).name}: {seconds:g} s. Drag in the time bar; a change starts a branch"
     text = f"{text}. Press D to edit recorded animals for exports"

@@ -124,9 +124,9 @@ class RecordingEdits:
         self._change(lambda file: file.remove(name))
 
     def _step(self, step):
-        made = []
-        self._change(lambda file: made.append(step(file)))
-        return sentence_of(made[0]) if made[0] is not None else None
+        new_layers = []
+        self._change(lambda file: new_layers.append(step(file)))
+        return sentence_of(new_layers[0]) if new_layers[0] is not None else None
 
     def _change(self, change):
         """Change the file as it is now on the disk, where another program may have written to it."""
@@ -148,10 +148,10 @@ class RecordingEdits:
         path = self.file.path
         if not path.exists():
             return EditFile(path, self.file.sha256, self.file.recording)
-        found = parse_edits(read_bytes(path), path)
-        if found.sha256 != self.file.sha256:
+        edits = parse_edits(read_bytes(path), path)
+        if edits.sha256 != self.file.sha256:
             raise refused(path, "has the edits of another recording now: rename or remove this file")
-        return found
+        return edits
 
     # what is shown -----------------------------------------------------------------
 
@@ -212,15 +212,15 @@ class PassBeside:
     def __init__(self, path, ids):
         self.ids, self.done, self.share, self.past = set(ids), False, 0.0, None
         self.error: BaseException | None = None
-        self._path, self._told, self._end = path, False, False
+        self._path, self._reported, self._end = path, False, False
         self._thread = threading.Thread(target=self._go, name="edits of time", daemon=True)
         self._thread.start()
 
     def news(self):
         """Whether it has come to its end since the last call; raises what went wrong in it, once."""
-        if self._told or self._thread.is_alive():
+        if self._reported or self._thread.is_alive():
             return False
-        self._told = True
+        self._reported = True
         if self.error is not None:
             raise refused(self._path, f"edits of time are not shown: {self.error}")
         return True

@@ -32,7 +32,7 @@ from flockbrush.studio.session_folders import DAMAGED, LOCK, NOTE, TRASH, state_
 from flockbrush.studio.timeline import KEYFRAME_BYTES
 
 
-class Shelter:
+class RecoveryFolder:
     """The folder of a running session, from which it can be recovered after a crash.
 
     Parameters
@@ -40,7 +40,7 @@ class Shelter:
     level : path
         The level that is open.
     root : path, optional
-        Where the folders of all sessions are; `state_folder` unless told.
+        Where the folders of all sessions are; `state_folder` by default.
 
     Raises
     ------
@@ -69,8 +69,8 @@ class Shelter:
         branches : dict of str to dict
             ``recording`` and ``journal`` (paths or None), ``parent`` and ``left``.
         """
-        said = {"level": str(self.level), "current": current, "branches": branches}
-        write_bytes(self.folder / NOTE, json.dumps(said, default=str, indent=1).encode())
+        entries = {"level": str(self.level), "current": current, "branches": branches}
+        write_bytes(self.folder / NOTE, json.dumps(entries, default=str, indent=1).encode())
 
     def close(self, keep=False, unsaved=False):
         """The session has ended.
@@ -134,8 +134,8 @@ class Leftover:
     @property
     def unsaved(self):
         """Whether something was done in it that no level file has; who only looked on has lost nothing."""
-        told = {Path(files.journal) for files in self.branches.values() if files.journal}
-        return any(map(_is_unsaved, told | set(self.folder.glob("*.journal"))))
+        journals = {Path(files.journal) for files in self.branches.values() if files.journal}
+        return any(map(_is_unsaved, journals | set(self.folder.glob("*.journal"))))
 
     def discard(self):
         """Move it to the trash."""
@@ -160,10 +160,10 @@ def leftovers(level=None, root=None, tell: Callable[[str], object] = lambda text
     except OSError as error:
         tell(f"{root}: cannot be searched for unsaved changes: {error.strerror}")
         return []
-    found = [left for folder in ended if (left := _leftover(folder, tell)) is not None]
+    sessions = [left for folder in ended if (left := _leftover(folder, tell)) is not None]
     if level is not None:
-        found = [left for left in found if left.level == Path(os.path.abspath(level))]
-    return sorted(found, key=lambda left: left.time, reverse=True)
+        sessions = [left for left in sessions if left.level == Path(os.path.abspath(level))]
+    return sorted(sessions, key=lambda left: left.time, reverse=True)
 
 
 def _leftover(folder, tell):
@@ -225,8 +225,8 @@ def _with_places(files, folder):
     places = {}
     for kind in ("recording", "journal"):
         path = getattr(files, kind)
-        here = folder / Path(path).name if path else None
-        places[kind] = str(here) if here is not None and not _written(path) and _written(here) else path
+        own_path = folder / Path(path).name if path else None
+        places[kind] = str(own_path) if own_path is not None and not _written(path) and _written(own_path) else path
     return files.model_copy(update=places)
 
 

@@ -24,8 +24,8 @@ from flockbrush.studio.branches import Beginning
 from flockbrush.studio.gauges import chart_of, sample_of
 from flockbrush.studio.history import History
 from flockbrush.studio.recovery import leftovers, recovered_branches
-from flockbrush.studio.session_files import Keeping, LevelFile, SessionNotice, editor_of, sheltered
-from flockbrush.studio.ticks_beside import Going
+from flockbrush.studio.session_files import LevelFile, SessionFiles, SessionNotice, editor_of, recovery_folder
+from flockbrush.studio.ticks_beside import TickRunner
 from flockbrush.studio.timeline import Timeline, WentWrong
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
@@ -34,7 +34,7 @@ from flockbrush.systems.undo import UseBrush
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # of simulated to real time
 
 
-class Session(Going, Keeping):
+class Session(TickRunner, SessionFiles):
     """A level that is open in the playground.  Make one with `open`.
 
     Attributes
@@ -54,8 +54,8 @@ class Session(Going, Keeping):
     edits: Any = None
     edition = 0  # another number whenever edits show the same run in another way
 
-    def __init__(self, path, timeline, shelter, notices):
-        self.path, self._timeline, self._shelter = Path(path), timeline, shelter
+    def __init__(self, path, timeline, recovery, notices):
+        self.path, self._timeline, self._recovery = Path(path), timeline, recovery
         self._stand_still()
         self._notices: list[SessionNotice] = notices
         self.timeline.tell = lambda text: self._say("warning", text)
@@ -81,7 +81,7 @@ class Session(Going, Keeping):
         record : path, optional
             Record the run there, and each branch in a file of its own beside it.
         state_folder : path, optional
-            Where what a crash must not take is kept; `recovery.state_folder` unless told.
+            Where what a crash must not take is kept; `recovery.state_folder` by default.
 
         Raises
         ------
@@ -94,11 +94,11 @@ class Session(Going, Keeping):
         if problems:
             raise ProblemsError(problems)
         notices: list[SessionNotice] = []
-        with sheltered(level.path, state_folder, notices) as shelter:
-            folder = shelter and shelter.folder if record is None else record.parent
+        with recovery_folder(level.path, state_folder, notices) as recovery:
+            folder = recovery and recovery.folder if record is None else record.parent
             beginning = Beginning(level, library, seed, agents)
             timeline = Timeline(beginning, record.stem if record else level.name, folder, sample_of)
-        session = cls(level.path, timeline, shelter, notices)
+        session = cls(level.path, timeline, recovery, notices)
         session._file = LevelFile(level.path, level.files[level.path.name])
         session._edit()
         if record is not None:
@@ -120,12 +120,12 @@ class Session(Going, Keeping):
         """
         branches = recovered_branches(left)
         notices: list[SessionNotice] = []
-        with sheltered(left.level, state_folder, notices) as shelter:
+        with recovery_folder(left.level, state_folder, notices) as recovery:
             try:
-                timeline = Timeline.resumed(branches, left.current, shelter and shelter.folder, sample_of)
+                timeline = Timeline.resumed(branches, left.current, recovery and recovery.folder, sample_of)
             except WentWrong as error:
                 raise RecordingError(f"{left.level}: {error}") from None
-        session = cls(left.level, timeline, shelter, notices)
+        session = cls(left.level, timeline, recovery, notices)
         session.library = brush_library(session.path, session.level.files)
         for name, branch in timeline.branches.items():
             session._adopt(session._recovered_editor(name, left.branches[name].journal), branch)
@@ -149,12 +149,12 @@ class Session(Going, Keeping):
 
         What they left of sessions without unsaved work goes to the trash.  ``tell`` is told what was set aside.
         """
-        found = leftovers(None if name is None else running.find_level(name), state_folder, tell)
-        wanted = [left for left in found if left.unsaved]
-        for left in found:
-            if left not in wanted:
+        sessions = leftovers(None if name is None else running.find_level(name), state_folder, tell)
+        unsaved = [left for left in sessions if left.unsaved]
+        for left in sessions:
+            if left not in unsaved:
                 left.discard()
-        return wanted
+        return unsaved
 
     def _edit(self):
         """Begin to edit the level's file on a branch that has just begun."""
@@ -329,14 +329,14 @@ class Session(Going, Keeping):
     def _go(self, budget_s):
         deadline = math.inf if budget_s is None else time.perf_counter() + budget_s
         try:
-            there = self.timeline.go_to(self._goal, deadline)
+            arrived = self.timeline.go_to(self._goal, deadline)
         except WentWrong as error:
             self._stop(str(error))
-            there = True  # as near as one can come
-        if there:
+            arrived = True  # as near as one can come
+        if arrived:
             self._goal = None
         self._look()
-        return there
+        return arrived
 
     def _finish(self):
         """Be where a scrub wanted to be."""

@@ -24,7 +24,7 @@ from flockbrush.levels.tiled import renew_brushes
 from flockbrush.runs import run as running
 from flockbrush.studio.branches import Beginning, plain_name
 from flockbrush.studio.history import History
-from flockbrush.studio.recovery import Shelter
+from flockbrush.studio.recovery import RecoveryFolder
 
 AUTOSAVE_SECONDS = 1.0  # s; what a crash may take at most
 LITTLE_ROOM = 60  # minutes of the run that a disk has room for; with less, who records is warned
@@ -44,7 +44,7 @@ class LevelFile:
     Parameters
     ----------
     data : bytes, optional
-        What was read from it; what is there now unless told.
+        What was read from it; what is there now by default.
     """
 
     def __init__(self, path, data=None):
@@ -58,12 +58,12 @@ class LevelFile:
             status = os.stat(self.path)
         except OSError:
             return "deleted" if self._known else ""
-        seen = status.st_mtime_ns, status.st_size
-        if seen == self._seen:
+        stamp = status.st_mtime_ns, status.st_size
+        if stamp == self._seen:
             return ""
         if _digest(self._bytes()) != self._known:
             return "changed"
-        self._seen = seen
+        self._seen = stamp
         return ""
 
     def beside(self, ending):
@@ -81,7 +81,7 @@ def _digest(data):
     return "" if data is None else hashlib.sha256(data).hexdigest()
 
 
-class Keeping:
+class SessionFiles:
     """Methods of a session that read and write files."""
 
     # the level -----------------------------------------------------------------
@@ -118,8 +118,8 @@ class Keeping:
         try:
             level = read_level_text(self.editor.text().encode(), to, self.library, self.level.files)
             files = dict(list(level.files.items())[1:])
-            there = brush_library(to).names()
-            own = [name for name in brushes_used(level) if name not in there]
+            known = brush_library(to).names()
+            own = [name for name in brushes_used(level) if name not in known]
             files |= {f"brushes/{name}{SUFFIX}": self.library.path(name).read_bytes() for name in own}
             for name, data in files.items():
                 if not (to.parent / name).exists():
@@ -201,8 +201,8 @@ class Keeping:
         folder = project_folder(self.path)
         try:
             if renew_brushes(folder, brush_library(folder / self.path.name)):
-                told = f"Tiled shows the brush {name!r} when the project is opened again"
-                self._say("info", f"{folder / PROJECT_FILE}: {told}")
+                message = f"Tiled shows the brush {name!r} when the project is opened again"
+                self._say("info", f"{folder / PROJECT_FILE}: {message}")
         except (ProblemsError, OSError) as error:
             self._say("warning", f"Tiled does not show the brush: {error}")
 
@@ -211,13 +211,13 @@ class Keeping:
     def tell_size(self, path):
         """Say how fast the file of a recording will grow, and for how long the disk has room if that is not long."""
         rate = running.hashed_rate(self.simulation)
-        said = f"{path.name} grows by about {60 * rate / 1e6:.2g} MB per minute of the run"
+        message = f"{path.name} grows by about {60 * rate / 1e6:.2g} MB per minute of the run"
         with suppress(OSError):
             minutes = shutil.disk_usage(path.parent).free / (60 * rate)
             if minutes < LITTLE_ROOM:
-                self._say("warning", f"{said}; the disk has room for {minutes:.0f} minutes")
+                self._say("warning", f"{message}; the disk has room for {minutes:.0f} minutes")
                 return
-        self._say("info", said)
+        self._say("info", message)
 
     def export_recording(self, path):
         """Write the current branch as a recording that ``flockbrush replay --verify`` accepts; whether it worked."""
@@ -248,21 +248,21 @@ class Keeping:
             Whether what is not saved stays for next time.
         """
         unsaved = self.dirty or any(branch.editor.dirty for branch in self.branches.values())
-        keep = keep and unsaved and self._shelter is not None
+        keep = keep and unsaved and self._recovery is not None
         if keep:
             self._note()
         for branch in self.branches.values():
             branch.editor.close_journal()
         self.timeline.close()
-        if self._shelter is not None:
-            self._shelter.close(keep, unsaved)
+        if self._recovery is not None:
+            self._recovery.close(keep, unsaved)
         return keep
 
     def _adopt(self, editor, branch=None):
         """Have this editor on a branch, with a journal that a crash leaves."""
         branch = branch or self.timeline.current
         branch.editor = editor
-        if self._shelter is None:
+        if self._recovery is None:
             return
         try:
             editor.journal(self._journal_of(branch.name))
@@ -270,24 +270,26 @@ class Keeping:
             self._say("warning", f"new changes are not protected against a crash: {error}")
 
     def _journal_of(self, name):
-        return self._shelter.folder / f"{plain_name(name)}.journal"
+        return self._recovery.folder / f"{plain_name(name)}.journal"
 
     def _note(self):
         """Tell those who may have to recover which branches there are."""
-        if self._shelter is None:
+        if self._recovery is None:
             return
         self.timeline.flush()
-        self._shelter.level = self.path
+        self._recovery.level = self.path
         try:
-            self._shelter.note(self.branch_name, {name: self._told(branch) for name, branch in self.branches.items()})
+            self._recovery.note(
+                self.branch_name, {name: self._files_of(branch) for name, branch in self.branches.items()}
+            )
         except ProblemsError as error:
             self._say("warning", f"new changes are not protected against a crash: {error}")
 
-    def _told(self, branch):
+    def _files_of(self, branch):
         """Where the files of a branch lie."""
         journal = self._journal_of(branch.name)
         return {
-            "recording": branch.scribe and os.path.abspath(branch.scribe.path),
+            "recording": branch.recorder and os.path.abspath(branch.recorder.path),
             "journal": str(journal) if journal.exists() else None,
             "parent": branch.parent,
             "left": branch.left,
@@ -311,20 +313,20 @@ def editor_of(path, simulation, beginning, library):
 
 
 @contextmanager
-def sheltered(level, root, notices):
+def recovery_folder(level, root, notices):
     """A folder for what a crash must not take, gone again when the body fails; None, and a notice, when none can be."""
     try:
-        shelter = Shelter(level, root)
+        recovery = RecoveryFolder(level, root)
     except OSError as error:
         notices.append(
             SessionNotice(
                 "warning", f"your changes are not protected against a crash: {error.filename}: {error.strerror}"
             )
         )
-        shelter = None
+        recovery = None
     try:
-        yield shelter
+        yield recovery
     except BaseException:
-        if shelter is not None:
-            shelter.close()
+        if recovery is not None:
+            recovery.close()
         raise

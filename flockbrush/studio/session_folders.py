@@ -45,20 +45,20 @@ def early_sessions() -> list[Path]:
     """Folders of sessions of an early version, which lie in $FLOCKBRUSH_STATE itself and are not looked at there."""
     own = os.environ.get("FLOCKBRUSH_STATE")
     try:
-        found = (
+        folders = (
             sorted(Path(entry.path) for entry in os.scandir(own) if entry.is_dir(follow_symlinks=False)) if own else []
         )
     except OSError:
         return []
-    return [folder for folder in found if _NAME.fullmatch(folder.name) and (folder / NOTE).is_file()]
+    return [folder for folder in folders if _NAME.fullmatch(folder.name) and (folder / NOTE).is_file()]
 
 
 def session_folders(root):
     """Folders whose name is that of a session, and in which no session runs; OSError when they cannot be listed."""
     if not Path(root).is_dir():
         return []
-    found = sorted(Path(entry.path) for entry in os.scandir(root) if entry.is_dir(follow_symlinks=False))
-    return [folder for folder in found if _NAME.fullmatch(folder.name) and not is_held(folder / LOCK)]
+    folders = sorted(Path(entry.path) for entry in os.scandir(root) if entry.is_dir(follow_symlinks=False))
+    return [folder for folder in folders if _NAME.fullmatch(folder.name) and not is_held(folder / LOCK)]
 
 
 def is_ours(folder) -> bool:
@@ -108,8 +108,8 @@ def remove(folder):
 def empty_trash(root):
     """Remove what has been in the trash for `KEPT` seconds, and the oldest of what is too much."""
     try:
-        found = [folder for folder in session_folders(Path(root) / TRASH) if is_ours(folder)]
-        aged = sorted(((folder.stat().st_mtime, folder) for folder in found), reverse=True)
+        folders = [folder for folder in session_folders(Path(root) / TRASH) if is_ours(folder)]
+        aged = sorted(((folder.stat().st_mtime, folder) for folder in folders), reverse=True)
         room = LARGEST_TRASH
         for when, folder in aged:
             room -= sum(entry.stat().st_size for entry in os.scandir(folder) if entry.is_file(follow_symlinks=False))

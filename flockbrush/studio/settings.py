@@ -85,13 +85,13 @@ def load_settings(path=None) -> tuple[Settings, str]:
 
 def _understood(path, data):
     """The settings that are right, and a sentence about the first one that is wrong."""
-    said = ""
+    problem = ""
     while True:
-        made, mistakes = validated(Settings, data)
-        if made is not None:
-            return made, said
+        settings, mistakes = validated(Settings, data)
+        if settings is not None:
+            return settings, problem
         key, message = mistakes[0]
-        said = said or f"{path}: {key[0] if key else 'settings'}: {message}; ignored"
+        problem = problem or f"{path}: {key[0] if key else 'settings'}: {message}; ignored"
         wrong = {where[0] for where, _ in mistakes if where}
         data = {name: value for name, value in data.items() if name not in wrong} if wrong else {}
 

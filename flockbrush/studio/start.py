@@ -130,8 +130,8 @@ def _playground(session, wishes, size):
 
 def size_of(text: str) -> tuple[int, int]:
     """Width and height of "1280x720"; BadParameter when it is no size."""
-    found = re.fullmatch(r"\s*(\d+)\s*[xX×]\s*(\d+)\s*", text)
-    width, height = map(int, found.groups()) if found else (0, 0)
+    match = re.fullmatch(r"\s*(\d+)\s*[xX×]\s*(\d+)\s*", text)
+    width, height = map(int, match.groups()) if match else (0, 0)
     if not (0 < width <= LARGEST and 0 < height <= LARGEST):
         raise typer.BadParameter(
             f"the size must be WIDTHxHEIGHT in pixels, such as 1280x720, got {text!r}", param_hint="--size"

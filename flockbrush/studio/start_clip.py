@@ -57,8 +57,8 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
             book = Book(film, folder)
             book.load(tracks)
             if lens is not None and (lens.width, lens.height) != tuple(film.size):
-                here = f"{film.size[0]} x {film.size[1]}"
-                raise refused(camera, f"has {lens.width} x {lens.height} pixels, but the clip has {here}")
+                film_size = f"{film.size[0]} x {film.size[1]}"
+                raise refused(camera, f"has {lens.width} x {lens.height} pixels, but the clip has {film_size}")
             if missing_display():
                 say(NO_SCREEN)
                 return USAGE

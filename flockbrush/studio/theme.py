@@ -71,15 +71,15 @@ def scale_of(size, screen_height=0, wanted: float | None = None) -> float:
     A screen of very many pixels (high DPI) makes them larger; the environment variable FLOCKBRUSH_SCALE or what a
     person has chosen (`wanted`) comes before everything.
     """
-    told = wanted or _told()
-    if told:
-        return min(max(float(told), SMALLEST), LARGEST)
+    chosen = wanted or _scale_of_environment()
+    if chosen:
+        return min(max(float(chosen), SMALLEST), LARGEST)
     fine = max(1.0, screen_height / 1300)  # 2160 lines: 1.66
     room = math.sqrt(max(min(size[0] / 1280, size[1] / 720), 0.05))
     return round(min(max(max(room, fine * min(room, 1.0)), SMALLEST), LARGEST) * 20) / 20
 
 
-def _told():
+def _scale_of_environment():
     try:
         return float(os.environ.get("FLOCKBRUSH_SCALE", "") or 0)
     except ValueError:

@@ -69,11 +69,11 @@ def thumbnail(brush, size=64, theme="light", colour=None) -> np.ndarray:
     """
     look = theme_of(theme)
     path = cache_folder() / f"{_key(brush, size, look.name, colour)}.png"
-    kept = _kept(path, size)
-    if kept is None:
-        kept = draw_thumbnail(brush, size, look, colour)
-        _keep(path, kept)
-    return kept
+    picture = _kept(path, size)
+    if picture is None:
+        picture = draw_thumbnail(brush, size, look, colour)
+        _keep(path, picture)
+    return picture
 
 
 def cached(brush, size=64, theme="light", colour=None) -> np.ndarray | None:
@@ -179,8 +179,8 @@ def _picture(brush, side, theme, colour, window, limbs=False):
 
 def _postures(brush, moved, winged, phase):
     """What the bodies of animals show under a brush: those of the species it is named after, of beasts, or of birds."""
-    species, named = shipped_species(), next(iter(brush.made_for), "")
-    look = species.get(named).look if named in species.names() else "bird" if winged else "beast"
+    species, first_species = shipped_species(), next(iter(brush.made_for), "")
+    look = species.get(first_species).look if first_species in species.names() else "bird" if winged else "beast"
     clip = "fly" if winged else next(clip for clip in ("swim", "walk") if clip in mesh_of(look).clips)
     clips = np.where(moved | winged, CLIPS.index(clip), CLIPS.index("rest"))
     return Postures(np.full(len(phase), LOOK_NAMES.index(look)), clips, phase)

@@ -18,21 +18,20 @@ _SOON = 1e-9  # of a tick; rounding of what real time adds up to
 
 
 @dataclass
-class Lived:
-    """What ticks that ran together left."""
+class TickResult:
+    """The result of ticks that ran together."""
 
-    count: int  # ticks that came to their end
-    # before, after: between which one draws: the last two states
+    count: int  # finished ticks
+    # before, after: the last two states, between which the window interpolates
     before: Any
     after: Any
-    error: BaseException | None = None  # what ended them before their time
+    error: BaseException | None = None  # that ended them early
 
 
-class Beside:
+class BackgroundWork:
     """Runs one function at a time in a thread.
 
-    The thread does not keep the program from ending: who presses Ctrl-C while a model never comes to its end is not
-    held up by it.
+    The thread is a daemon: Ctrl-C ends the program even while a model never returns.
     """
 
     def __init__(self):
@@ -41,10 +40,10 @@ class Beside:
 
     @property
     def busy(self):
-        """Whether work was begun whose result nobody has taken."""
+        """Whether work was started whose result was not taken yet."""
         return self._thread is not None
 
-    def begin(self, work: Callable[[], Lived]):
+    def begin(self, work: Callable[[], TickResult]):
         """Begin; `work` catches its own errors."""
         if self._thread is not None:
             raise RuntimeError("one piece of work at a time: take the result of the last one first")
@@ -58,14 +57,14 @@ class Beside:
             self._thread.join(patience_s)
         return self._thread is None or not self._thread.is_alive()
 
-    def take(self) -> Lived:
+    def take(self) -> TickResult:
         """The result, waited for."""
         self.is_done()
         self._thread = None
         return self._left.pop()
 
 
-class Going:
+class TickRunner:
     """Methods of a session that run ticks while the window draws."""
 
     _timeline: Any
@@ -78,7 +77,7 @@ class Going:
 
     def _stand_still(self):
         """As long as nobody plays."""
-        self._beside = Beside()
+        self._beside = BackgroundWork()
         self._rate = 1.0
         self._owed = 0.0  # ticks of real time that have not been simulated yet
         self._due = 0  # ticks that run beside
@@ -122,9 +121,9 @@ class Going:
         self._behind, self._passed = 0.0, 0
         self.set_off(budget_s)
         self._collect()
-        done, self._passed = self._passed, 0
-        self._pace.passed(0.0, done * self.scene.clock.dt)
-        return done
+        ticks, self._passed = self._passed, 0
+        self._pace.passed(0.0, ticks * self.scene.clock.dt)
+        return ticks
 
     def catch_up(self, wall_seconds, budget_s, patience_s=None):
         """Let real time pass, have the ticks that ran beside, and go on with a scrub; whether the world stands still.
@@ -139,7 +138,7 @@ class Going:
         budget_s : float
             Seconds that a scrub may take.
         patience_s : float, optional
-            Seconds to wait for ticks that still run; as long as they take unless told.  While they run, nobody who
+            Seconds to wait for ticks that still run; as long as they take by default.  While they run, nobody who
             has no time to wait may ask for the world: `simulation`, `timeline` and all that comes from there.
         """
         if self._beside.is_done(patience_s):
@@ -149,8 +148,8 @@ class Going:
         elif self.playing:
             self._behind = wall_seconds * self._rate / self.scene.clock.dt
             self._owed += self._behind
-            done, self._passed = self._passed, 0
-            self._pace.passed(wall_seconds, done * self.scene.clock.dt)
+            ticks, self._passed = self._passed, 0
+            self._pace.passed(wall_seconds, ticks * self.scene.clock.dt)
         return not self._beside.busy
 
     def set_off(self, budget_s):
@@ -169,7 +168,7 @@ class Going:
 
     def _live(self, due, deadline):
         """So many ticks, as far as there is time: in the thread beside, which alone touches the world meanwhile."""
-        lived = Lived(0, self._before, self._after)
+        lived = TickResult(0, self._before, self._after)
         while lived.count < due:
             begin = time.perf_counter()
             if lived.count and begin + self._cost > deadline:

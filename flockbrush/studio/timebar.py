@@ -118,10 +118,10 @@ class TimeBar:
     def update(self):
         """Show what is so now."""
         app, session = self.app, self.app.session
-        wanted = "pause" if session.playing else "play"
-        if wanted != self._icon:
-            self._icon = wanted
-            set_icon(app, self.buttons["play"], wanted)
+        icon_name = "pause" if session.playing else "play"
+        if icon_name != self._icon:
+            self._icon = icon_name
+            set_icon(app, self.buttons["play"], icon_name)
         if self.rates is not None and self.rates.selected_option[0] != self._rate():
             self._renew_rates()
         if self.clock is not None:
@@ -171,9 +171,9 @@ class TimeBar:
     def draw(self):
         """Show the strip as it is now."""
         if self.strip is not None:
-            said = self._said()
-            if said != self._shown:
-                self._shown = said
+            content = self._said()
+            if content != self._shown:
+                self._shown = content
                 self.image.set_image(self._strip())
 
     def _said(self):

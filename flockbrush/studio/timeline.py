@@ -16,8 +16,8 @@ from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.recording import RecordingError
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.runs import run as running
+from flockbrush.studio.branch_recorder import HASH_BYTES, SELDOM, BranchRecorder
 from flockbrush.studio.branches import Branch, Keyframes, between, plain_name
-from flockbrush.studio.scribe import HASH_BYTES, SELDOM, Scribe
 
 KEYFRAME_SECONDS = 2.0  # s between two kept moments
 KEYFRAME_BYTES = 384 << 20  # of all kept moments together: beside a window and numba they fit into 1 GB
@@ -80,7 +80,7 @@ class Timeline:
         for branch in [*branches.values(), branches[current]]:
             timeline.current = branch
             timeline._pace_of_keeping()
-            if branch.scribe is None:
+            if branch.recorder is None:
                 timeline._record()
         at = timeline.current.last_tick if at is None else at
         timeline._stand(timeline.current.keyframes.before(at))
@@ -233,12 +233,12 @@ class Timeline:
         WentWrong
             When a tick of the past cannot be lived again; the world is at the last kept moment before it.
         """
-        tick, here = min(max(int(tick), 0), self.current.last_tick), self.tick
+        tick, now = min(max(int(tick), 0), self.current.last_tick), self.tick
         start = self._nearest(tick)
-        if not here <= tick or start > here:
+        if not now <= tick or start > now:
             self._leave()
             self._stand(start)
-            self.moved += [box for _, box in between(self.current.changes, min(here, start), max(here, start))]
+            self.moved += [box for _, box in between(self.current.changes, min(now, start), max(now, start))]
         while self.tick < tick:
             if time.perf_counter() > deadline:
                 self.settle()
@@ -269,8 +269,8 @@ class Timeline:
 
     def _stand(self, tick):
         """Put a kept moment of the current branch into the world."""
-        kept = self.current.keyframes if self.current.keyframes.cut(tick) is not None else self._near
-        restore(self.simulation.world, kept[tick])
+        snapshots = self.current.keyframes if self.current.keyframes.cut(tick) is not None else self._near
+        restore(self.simulation.world, snapshots[tick])
         self.queue.replace([])
         self.queue.lived = math.inf  # what the script does is among what was done
         self.queue.log.clear()
@@ -301,12 +301,12 @@ class Timeline:
 
     def give_up(self):
         """Undo the last `fork`: the branch goes, and the world stands again where it left its parent."""
-        gone = self.branches.pop(self.current.name)
-        if gone.scribe is not None:
-            gone.scribe.discard()
-        self.current = self.branches[gone.parent]
-        self._stand(self.current.keyframes.before(gone.left))
-        self.go_to(gone.left)
+        branch = self.branches.pop(self.current.name)
+        if branch.recorder is not None:
+            branch.recorder.discard()
+        self.current = self.branches[branch.parent]
+        self._stand(self.current.keyframes.before(branch.left))
+        self.go_to(branch.left)
 
     def switch(self, name):
         """Stand at the end of another branch; LookupError."""
@@ -364,11 +364,11 @@ class Timeline:
         branch, world, now = self.current, self.simulation.world, self.tick
         if now % self._hash_every == 0:
             branch.hashes[now] = state_hash(world)
-        filed = branch.scribe is not None and branch.scribe.spacing.passed(len(world.agents))
+        filed = branch.recorder is not None and branch.recorder.spacing.passed(len(world.agents))
         if filed or now % self._keep_every == 0:
             branch.keyframes.keep(now, snapshot(world))
             if filed:
-                branch.scribe.file(now)
+                branch.recorder.file(now)
             self._thin()
         sample = self.measure(self.simulation)
         if sample is not None:
@@ -385,10 +385,10 @@ class Timeline:
     def _thin(self):
         """Forget kept moments until they fit the budget: those that stand closest to others, the oldest first."""
         while self.memory() > self.budget:
-            found = [(gap, tick, branch) for branch in self.branches.values() for gap, tick in branch.keyframes.gaps()]
-            if not found:
+            gaps = [(gap, tick, branch) for branch in self.branches.values() for gap, tick in branch.keyframes.gaps()]
+            if not gaps:
                 return
-            _, tick, branch = min(found, key=lambda entry: entry[:2])
+            _, tick, branch = min(gaps, key=lambda entry: entry[:2])
             cut = branch.keyframes.cut(tick)
             for other in self.branches.values():  # branches hold in common what they have in common
                 if other.keyframes.cut(tick) is cut:
@@ -413,43 +413,43 @@ class Timeline:
         """Begin the file of the current branch."""
         path = self._file_of(self.current.name)
         if path is not None:
-            self._guarded(lambda: setattr(self.current, "scribe", self._scribe(path)))
+            self._guarded(lambda: setattr(self.current, "recorder", self._recorder_of(path)))
 
-    def _scribe(self, path):
+    def _recorder_of(self, path):
         """What records the current branch, with as many snapshots as any recording."""
         spacing = running.usual_keyframes(self.simulation)
-        return Scribe(path, self.current, spacing, len(self.simulation.agents))
+        return BranchRecorder(path, self.current, spacing, len(self.simulation.agents))
 
     def _write(self):
         """Hand what is new to the branch's file."""
-        if self.current.scribe is not None:
-            self._guarded(lambda: self.current.scribe.take())
+        if self.current.recorder is not None:
+            self._guarded(lambda: self.current.recorder.take())
 
     def flush(self):
         """Hand everything to the operating system: a crash of this program cannot take it back."""
-        if self.current.scribe is not None:
-            self._guarded(self.current.scribe.flush)
+        if self.current.recorder is not None:
+            self._guarded(self.current.recorder.flush)
 
     def _guarded(self, write):
         """A file that cannot be written is let go, and said once; the run goes on."""
         try:
             write()
         except (RecordingError, OSError) as error:
-            self.current.scribe = None
+            self.current.recorder = None
             self.tell(f"the run continues, but is not recorded any more: {error}")
 
     def export(self, path):
         """Write a recording of the current branch, whole or not at all; RecordingError, OSError."""
         branch = self.current
-        self._scribe(path).close(branch.last_tick)
+        self._recorder_of(path).close(branch.last_tick)
 
     def close(self):
         """End the files in good order, and forget the world."""
         for branch in self.branches.values():
-            if branch.scribe is not None:
+            if branch.recorder is not None:
                 self.current = branch
-                self._guarded(lambda: self.current.scribe.close(self.current.last_tick))
-            branch.scribe, branch.keyframes = None, Keyframes()
+                self._guarded(lambda: self.current.recorder.close(self.current.last_tick))
+            branch.recorder, branch.keyframes = None, Keyframes()
         self._near = Keyframes()
         self.simulation.close()
 

@@ -42,10 +42,10 @@ class TopBar:
         """Show what is so now."""
         app, session = self.app, self.app.session
         undo, redo = session.undo_label, session.redo_label
-        said = (undo, redo, session.dirty, app.level_name(), app.film is not None, app.canvas.in_space)
-        if said == self._said:
+        content = (undo, redo, session.dirty, app.level_name(), app.film is not None, app.canvas.in_space)
+        if content == self._said:
             return
-        self._said = said
+        self._said = content
         if self.title is not None:
             self.title.say(app.level_name() + ("   •  not saved" if session.dirty else ""))
         for name, label in (("undo", undo), ("redo", redo)):

@@ -91,8 +91,10 @@ class Viewport:
         scenery = Scenery(simulation)
         self.painter = SpacePainter(scenery, size, self.app.theme, words=False, live=True)
         self._overlays = Overlays(scenery, self.app.theme)
-        asked = self._overlays.asked
-        self._flat = defaultdict(lambda: Overlays(scenery, self.app.theme, asked=asked))  # each picture has its own
+        explanations = self._overlays.explanations
+        self._flat = defaultdict(
+            lambda: Overlays(scenery, self.app.theme, explanations=explanations)
+        )  # each picture has its own
         self.home = self.painter.home
         self.painter.refine(FIRST)
         if self.camera is None:
@@ -224,7 +226,7 @@ class Viewport:
     def look_ahead(self):
         """Ask the world, which stands still, what overlays are to show while ticks run."""
         if self._overlays is not None and self.app.selected is not None and self.app.overlays & EXPLAINED:
-            self._overlays.asked.of(self.app.selected)
+            self._overlays.explanations.of(self.app.selected)
 
     def _wait_for_ticks(self):
         """Overlays that look at the world itself are drawn when it stands still."""
@@ -238,7 +240,7 @@ class Viewport:
         app = self.app
         self.prepare()
         self._wait_for_ticks()
-        self._overlays.asked.held = app.session.ticking
+        self._overlays.explanations.held = app.session.ticking
         for box in app.session.ground_changes():
             self.painter.repaint(box)
         self.painter.refine(REFINE)

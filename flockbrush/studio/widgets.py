@@ -18,6 +18,15 @@ from flockbrush.studio.theme import chrome, px
 NO_MARGINS = {"left": 0, "right": 0, "top": 0, "bottom": 0}
 
 
+def fitted(text, letters, room) -> str:
+    """The text, or its beginning with three dots when it is wider than the room."""
+    if letters.size(text)[0] <= room:
+        return text
+    while text and letters.size(text.rstrip() + "…")[0] > room:
+        text = text[:-1]
+    return text.rstrip() + "…" if text else ""
+
+
 class PictureButton(UIButton):
     """A button with a picture for each of its states, which are there when it is drawn for the first time."""
 
@@ -79,10 +88,10 @@ class Shelf(UIScrollingContainer):
         if self._coming and self.visible:
             low = -self.scrollable_container.relative_rect.top
             high = low + self.rect.height
-            seen = [part for part in self._coming if part[1] > low and part[0] < high]
-            if seen:
-                self._coming = [part for part in self._coming if part not in seen]
-                for _, _, make in seen:
+            visible = [part for part in self._coming if part[1] > low and part[0] < high]
+            if visible:
+                self._coming = [part for part in self._coming if part not in visible]
+                for _, _, make in visible:
                     make()
 
 
@@ -93,15 +102,8 @@ class Words(UILabel):
         """Show this text, as much of it as there is room for."""
         if text != getattr(self, "said", None):
             self.said = text
-            self.set_text(self._fitted(text))
-
-    def _fitted(self, text):
-        room = self.relative_rect.width - 4
-        if room <= 0 or self.font.size(text)[0] <= room:
-            return text
-        while text and self.font.size(text.rstrip() + "…")[0] > room:
-            text = text[:-1]
-        return text.rstrip() + "…"
+            room = self.relative_rect.width - 4
+            self.set_text(fitted(text, self.font, room) if room > 0 else text)
 
 
 def words(app, rect, text, container, object_id=None) -> Words:

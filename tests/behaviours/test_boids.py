@@ -7,7 +7,7 @@ from flockbrush.components import Body, Heading, Position, Velocity
 from flockbrush.engine.raster import Raster
 from flockbrush.systems.commands import Migrate
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.measures import compute_largest_part, compute_polarization
+from flockbrush.systems.measures import compute_polarization
 from flockbrush.systems.steer import scene_of
 from hypothesis import given
 from hypothesis import strategies as st
@@ -343,23 +343,6 @@ def test_a_flock_flies_through_a_field_of_pillars_and_nobody_into_one(seed):
         simulation.tick()
         assert room_in_the_air(simulation).min() > 0
     assert (simulation.agents[Position.xyz][:, 0] > 100).mean() > 0.95
-
-
-def test_a_flock_is_split_by_a_tower_and_joins_again():
-    tower = obstacle(box(75, 94, 87, 106), "tower")
-    tower.shape = "cylinder"
-    simulation = meadow(boids(), width=300, height=200, cell=2.0, obstacles=[tower])
-    xyz = np.random.default_rng(1).uniform(-3, 3, (80, 3)) + (50, 100, 40)
-    put_aloft(simulation, xyz)
-    simulation.submit(Migrate(200.0, 100.0, 40.0))
-    parts = []
-    for _ in range(560):
-        simulation.tick()
-        parts.append(compute_largest_part(simulation.agents[Position.xyz], 4.0))
-    split = int(np.argmin(parts))
-    assert parts[0] == 1.0
-    assert parts[split] < 0.9
-    assert max(parts[split:]) == 1.0
 
 
 def test_a_flock_is_born_between_its_altitude_and_so_much_higher():

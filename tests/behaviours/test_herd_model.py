@@ -37,7 +37,8 @@ def transcription(s, p):
             d = np.hypot(*away)
             u = away / d if d else np.zeros(2)
             force -= p.obstacle_weight * weight(d, u, "obstacle") * d * u
-        h = f + s.dt * p.sensitivity * force - s.dt * p.slope_aversion * s.slope[i]  # eqs. 3 and 2
+        left = np.array([-f[1], f[0]])
+        h = f + s.dt * (p.sensitivity * force - p.slope_aversion * s.slope[i] + p.turn_bias * left)  # eqs. 3 and 2
         out[i] = h / np.hypot(*h)
     return out
 
@@ -50,12 +51,14 @@ weights = st.floats(0, 1)
     seed=st.integers(0, 10_000), n=st.integers(1, 9),
     w=st.tuples(weights, weights, weights, weights), r=st.tuples(unit, unit, unit, unit),
     a=st.tuples(unit, unit, unit, unit), sensitivity=st.floats(0, 50), neighbour_range=st.floats(0.5, 8),
+    turn_bias=st.floats(-10, 10),
 )  # fmt: skip
-def test_the_herd_kernel_is_equations_2_to_5(seed, n, w, r, a, sensitivity, neighbour_range):
+def test_the_herd_kernel_is_equations_2_to_5(seed, n, w, r, a, sensitivity, neighbour_range, turn_bias):
     names = "avoidance", "cohesion", "alignment", "obstacle"
     p = Params(
         sensitivity=sensitivity,
         neighbour_range=neighbour_range,
+        turn_bias=turn_bias,
         **{f"{name}_weight": v for name, v in zip(names, w, strict=True)},
         **{f"{name}_radial": v for name, v in zip(names, r, strict=True)},
         **{f"{name}_angular": v for name, v in zip(names, a, strict=True)},
@@ -146,6 +149,16 @@ def test_steep_ground_turns_an_animal_downhill():
     s = scene([(0, 0)], 0.0, slope=(0.0, 0.5))
     assert HERD.steer(s, rows_([0]), Params(slope_aversion=2.0)).direction[0, 1] == pytest.approx(-1 / 32, rel=1e-2)
     assert HERD.steer(s, rows_([0]), Params(slope_aversion=0.0)).direction[0, 1] == 0.0
+
+
+def test_a_lone_animal_with_a_turn_bias_circles():
+    """A circle of radius v / bias, to the left."""
+    walker = brush(mean=2.0, **{**NO_FORCES, "unled": "keep", "turn_bias": 0.5, **NOBODY_LEADS})
+    simulation = meadow(walker)
+    put(simulation, [(20.0, 20.0)], 0.0)
+    track = np.array([(simulation.tick(), xy_of(simulation)[0])[1] for _ in range(403)])  # once round: 4 pi s
+    assert np.hypot(*(track - (20.0, 24.0)).T) == pytest.approx(4.0, rel=1e-2)
+    assert track[200] == pytest.approx((20.0, 28.0), abs=0.1)
 
 
 # two animals ------------------------------------------------------------------------

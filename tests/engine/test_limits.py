@@ -16,5 +16,5 @@ def test_every_limit_says_of_what_it_is_one():
 
 
 def test_limits_are_told_with_their_units():
-    assert limits.LEVEL_FILE_BYTES.told == "64 MiB"
-    assert limits.ANIMALS.told == "1,000,000 animals"
+    assert limits.LEVEL_FILE_BYTES.text == "64 MiB"
+    assert limits.ANIMALS.text == "1,000,000 animals"

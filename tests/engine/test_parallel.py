@@ -182,13 +182,13 @@ def test_several_herds_at_once_do_not_wait_for_each_other_forever():
 
 def test_cores_are_counted_where_affinity_is_unknown(monkeypatch):
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
-    assert parallel._cores() == os.cpu_count()
+    assert parallel.cores() == os.cpu_count()
 
 
 @pytest.mark.parametrize("wanted, count", [("3", 3), ("", None), ("many", None), ("0", None)])
 def test_the_environment_may_say_how_many(monkeypatch, recwarn, wanted, count):
     monkeypatch.setenv("FLOCKBRUSH_THREADS", wanted)
-    assert parallel._threads_at_start() == (count or parallel._cores())
+    assert parallel._threads_at_start() == (count or parallel.cores())
     assert bool(recwarn.list) == (wanted in ("many", "0"))
 
 

@@ -305,15 +305,6 @@ def test_a_recording_with_any_bytes_changed_opens_or_is_refused(path, written, d
     check_part_of_the_whole(other, whole)
 
 
-@fuzz
-@given(junk=st.binary(max_size=200), keep=st.sampled_from([0, 8, 16, 40, 1000]))
-def test_junk_opens_or_is_refused(path, written, junk, keep):
-    other = path.with_name("junk.fbr")
-    other.write_bytes(written[:keep] + junk)
-    found = opened(other)
-    assert found is None or keep >= 8  # without its first bytes nothing is a recording
-
-
 def test_hashes_cost_little(tmp_path):
     """Thousand ticks of hashes are a few tens of kilobytes: nobody need switch them off."""
     with Recording.create(tmp_path / "run.fbr", HEADER, {}) as recording:

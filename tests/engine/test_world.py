@@ -134,15 +134,6 @@ def test_a_herd_may_die_out_and_come_back(world):
     assert [entity for entity, _ in world.get_component(Position)] == ids
 
 
-def test_two_worlds_do_not_share(world):
-    other = World((Position,))
-    here, there = world.create_entity(Position(xyz=(1, 1, 1))), other.create_entity(Position(xyz=(2, 2, 2)))
-    assert here == there == 1
-    assert world.component_for_entity(here, Position).xyz[0] == 1
-    assert other.component_for_entity(there, Position).xyz[0] == 2
-    other.close()
-
-
 def test_worlds_of_several_threads_keep_apart():
     """As when the playground runs a tick and draws the thumbnail of a brush, which is a herd of its own."""
     every, wrong = sys.getswitchinterval(), []

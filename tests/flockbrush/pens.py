@@ -9,7 +9,7 @@ def pen(folder, name="pen", sheep=24, seed=3, script=True, boundary="wall", size
     """The path of a new level: sheep march east along a guide, past a stone; after a quarter second they swarm."""
     write_project(folder, shipped())
     nx, ny = size
-    sketch = LevelSketch(nx, ny, 1.0, "tilesets", shipped().names(), boundary, seed)
+    sketch = LevelSketch(nx, ny, 1.0, "tilesets", boundary, seed)
     sketch.ground("grass")
     sketch.box("Obstacle", 24, 15, 4, 4, "stone")
     sketch.draw("Guide", [(4, 15), (20, 10), (36, 15)], "way", closed=False, radius=4)

@@ -9,11 +9,12 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.film import clip_layers as layers
 from flockbrush.film.bird_marks import Birds, Follower
 from flockbrush.film.body_marks import body_mask, colour_at
+from flockbrush.film.camera_maps import back, moved_by
 from flockbrush.film.clip_document import Book
 from flockbrush.film.clip_frames import Film, Sky
 from flockbrush.film.clip_jobs import ClipJob
 from flockbrush.film.flight_sketch import FlightSketch
-from flockbrush.film.landmarks import Landmark, back, between, followed, motion, moved
+from flockbrush.film.landmarks import Landmark, between, followed, motion
 from flockbrush.film.tracks import read_marks, read_tracks
 from flockbrush.lifting.lens import Camera
 from flockbrush.lifting.lift_solver import lift
@@ -66,12 +67,6 @@ def whose(birds, k):
     return [(near(at) or [None])[0] for at in np.add(STARTS, np.multiply(STEPS, k))]
 
 
-def test_birds_of_a_film_are_followed(followed_birds):
-    assert len(followed_birds.ids) == len(STARTS)
-    names = whose(followed_birds, 0)
-    assert None not in names and names == whose(followed_birds, 30)
-
-
 def test_a_bird_put_right_is_followed_on_from_there_and_not_before(sky_film, followed_birds):
     a, b = whose(followed_birds, 0)[:2]
     places = followed_birds.at(20)
@@ -81,13 +76,6 @@ def test_a_bird_put_right_is_followed_on_from_there_and_not_before(sky_film, fol
     assert after.pending is None
     assert np.array_equal(after.px[:20], followed_birds.px[:20], equal_nan=True)
     assert whose(after, 19)[:2] == [a, b] and whose(after, 21)[:2] == [b, a] and whose(after, 39)[:2] == [b, a]
-
-
-def test_swapped_birds_have_each_others_numbers_from_there_on_without_following(followed_birds):
-    a, b = whose(followed_birds, 0)[:2]
-    after = followed_birds.swap(15, a, b)
-    assert whose(after, 14)[:2] == [a, b] and whose(after, 15)[:2] == [b, a] and whose(after, 39)[:2] == [b, a]
-    assert set(after.corrections[15]) == {a, b}
 
 
 def test_a_track_that_breaks_off_is_joined_to_its_other_half_with_its_corrections():
@@ -137,15 +125,6 @@ def test_a_bird_that_cannot_be_followed_is_still_where_a_person_saw_it(sky_film,
     assert Follower(sky_film).follow(said, 20).at(20)[99] == (300, 20)
 
 
-def test_corrections_are_those_of_the_command(tmp_path, followed_birds):
-    a, b = followed_birds.ids[:2]
-    said = followed_birds.put(4, a, 10, 20).remove(7, b)
-    (tmp_path / "c.csv").write_text(said.corrections_text())
-    rows = read_marks(tmp_path / "c.csv")
-    assert rows[4] == [(a, 10.0, 20.0)] and rows[7][0][0] == b and rows[7][0][3] is True
-    assert Birds.none(40).with_corrections(rows).corrections.keys() == said.corrections.keys()
-
-
 def test_a_correction_that_neither_says_yes_nor_no_is_refused(tmp_path):
     (tmp_path / "c.csv").write_text("frame,id,x,y,gone\n1,2,3,4,maybe\n")
     with pytest.raises(ProblemsError, match=r"c.csv:2: gone: must be 1"):
@@ -168,8 +147,8 @@ def test_two_landmarks_tell_shift_turn_and_size():
     at = np.array([[10.0, 20], [110, 60]])
     boxes = [np.array([[*a, 0, 0], [*(turn @ a + (5, 7)), 0, 0]]) for a in at]
     matrix = motion(boxes, 0, 1)
-    assert np.allclose(moved(matrix, [[50, 50]]), [turn @ (50, 50) + (5, 7)])
-    assert np.allclose(moved(back(matrix), moved(matrix, at)), at)
+    assert np.allclose(moved_by(matrix, [[50, 50]]), [turn @ (50, 50) + (5, 7)])
+    assert np.allclose(moved_by(back(matrix), moved_by(matrix, at)), at)
     assert np.allclose(motion(boxes[:1], 0, 1)[:, 2], boxes[0][1, :2] - at[0])
     assert motion([], 0, 1) is None and np.allclose(motion([], 3, 3), np.eye(2, 3))
 
@@ -177,7 +156,7 @@ def test_two_landmarks_tell_shift_turn_and_size():
 def test_a_rectangle_is_kept_within_the_picture_and_a_click_is_none():
     assert between(3, (50, 60), (-20, 10), (320, 180)) == (3, 0, 10, 50, 50)
     assert between(3, (50, 60), (52, 61), (320, 180)) is None
-    assert Landmark(3, 0, 10, 50, 50).told == "3:0,10,50,50"
+    assert Landmark(3, 0, 10, 50, 50).argument == "3:0,10,50,50"
 
 
 def test_the_bodys_colour_finds_the_bodies():

@@ -302,16 +302,3 @@ def test_a_brush_of_birds_cannot_do_a_clip_again(cli, films, quick):
     assert done.code == 1 and "did you mean 'graze'" in done.err
     done = cli("reenact", films / "one.mp4", "--brush", "graze", "--export", "x.txt")
     assert done.code == 1 and ".csv" in done.err
-
-
-# nothing pretended --------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_a_small_film_is_looked_at_learned_and_done_again(cli, films, hasty_learning, tmp_path):
-    out = tmp_path / "lambs.brush.toml"
-    done = cli("learn", films / "one.mp4", "--out", out, "--quick", "--jobs", 1, "--json")
-    assert done.code == 0, done.err
-    told = json.loads(done.out)["brushes"][0]
-    assert told["figures"]["held-out polarization, simulated"] > 0.8
-    assert cli("reenact", films / "one.mp4", "--brush", out, "--runs", 1).code == 0

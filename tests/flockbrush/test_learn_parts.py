@@ -109,12 +109,6 @@ def test_a_learned_brush_says_where_it_is_from_and_what_the_clip_does_not_tell(m
     assert brush.body.length == 1.2 and brush.body.radius <= 0.6
 
 
-def test_an_interrupted_brush_says_so(march):
-    _, evidence = march
-    learned = replace(learn([evidence]), interrupted=True)
-    assert brush_of("x", learned, [evidence], seed=0).provenance.notes.startswith("Learning was interrupted")
-
-
 def test_a_file_that_can_be_no_brush_is_refused():
     for name in ("sheep.toml", ".brush.toml", "two words.brush.toml", "ü.brush.toml"):
         with pytest.raises(ProblemsError):

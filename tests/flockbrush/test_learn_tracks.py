@@ -33,7 +33,7 @@ def tracks():
 
 
 @pytest.fixture(scope="module")
-def learned(tracks):
+def learned(tracks, hasty_learning):
     length = flockbrush.shipped().get("march").body.length
     return flockbrush.learn(tracks, unit="m", fps=16, body_length=length, quick=True, starts=1, name="marchers")
 

@@ -14,7 +14,7 @@ from pens import pen
 
 from flockbrush.cli.doctor import pinned_versions
 from flockbrush.cli.measure import Counts, sparkline
-from flockbrush.runs.run import rebuild, shipped_levels, start
+from flockbrush.runs.run import rebuild, shipped_levels
 
 BRUSHES = Path(shipped().path("march")).parent
 
@@ -276,9 +276,3 @@ def test_the_library_names_what_a_user_needs():
         assert getattr(flockbrush, name)
     with pytest.raises(AttributeError, match="flockbrush has no 'biuld'; it has"):
         flockbrush.biuld  # noqa: B018
-
-
-def test_starting_twice_gives_two_worlds_that_know_nothing_of_each_other(level):
-    one, two = start(level), start(level)
-    one.run(3)
-    assert (one.clock.tick, two.clock.tick) == (3, 0)

@@ -14,6 +14,7 @@ from flockbrush.studies.morph import (
     Branches,
     Measured,
     Response,
+    Route,
     Trial,
     brush_at,
     detours,
@@ -21,6 +22,7 @@ from flockbrush.studies.morph import (
     measured,
     response,
     sweep,
+    trials_of,
     verdict,
 )
 
@@ -59,7 +61,7 @@ def test_herds_are_measured_between_points_that_differ_until_none_does(monkeypat
         return ways(step_like(points, 0.0437, 0.001)[:, 0])
 
     monkeypatch.setattr(morph_study, "measured", told)
-    seen = response(None, Trial())
+    seen = response(None, [Trial()])
     assert seen.jumps() == () and len(asked) < 40
     along = seen.evenly(8)
     assert np.abs(np.diff(step_like(along, 0.0437, 0.001)[:, 0])).max() < MOST_STEP
@@ -67,8 +69,36 @@ def test_herds_are_measured_between_points_that_differ_until_none_does(monkeypat
 
 def test_what_changes_within_the_resolution_is_a_jump(monkeypatch):
     monkeypatch.setattr(morph_study, "measured", lambda at, points, trial, seed: ways(np.asarray(points) > 0.3))
-    ((where, size),) = response(None, Trial()).jumps()
+    ((where, size),) = response(None, [Trial()]).jumps()
     assert where == pytest.approx(0.3, abs=RESOLUTION) and size == 1.0
+
+
+def test_steps_are_short_where_herds_of_either_size_change(monkeypatch):
+    """Small herds change at .3 of the way, large ones at .6: no step is large for either."""
+    at = {100: 0.3, 400: 0.6}
+
+    def told(brush_at, points, trial, seed):
+        return ways(step_like(points, at[trial.animals], 0.02)[:, 0])
+
+    monkeypatch.setattr(morph_study, "measured", told)
+    along = response(None, trials_of([400, 100], 4)).evenly(16)
+    for place in at.values():
+        assert np.abs(np.diff(step_like(along, place, 0.02)[:, 0])).max() < MOST_STEP
+
+
+def test_of_larger_herds_fewer_are_measured_but_two():
+    found = trials_of([1600, 100, 400, 100], 12, steps=5)
+    assert [(trial.animals, trial.seeds, trial.steps) for trial in found] == [(100, 12, 5), (400, 3, 5), (1600, 2, 5)]
+
+
+def test_steps_leave_out_what_lies_below_both_ends_next_to_one():
+    """Noise first takes from a herd the order it had: no step lies where it has less than at the start."""
+    points = np.linspace(0, 1, 21)
+    order = np.interp(points, [0, 0.05, 0.4, 0.6, 1], [0.3, 0.1, 0.1, 0.9, 1.0])
+    seen = Response(points, np.column_stack([order, 0 * order]))
+    for way in (seen.evenly(8), 1.0 - Response(points, seen.means[::-1]).evenly(8)[::-1]):
+        reached = np.interp(way[1:], points, order)
+        assert way[0] == 0.0 and (np.diff(reached) >= 0).all() and 0.25 < reached[0] < 0.45
 
 
 def test_points_measured_twice_count_twice_and_what_goes_back_is_levelled():
@@ -99,8 +129,8 @@ def test_what_keeps_a_way_from_being_even_is_named(found, said):
 
 
 def test_added_noise_is_nothing_at_the_ends_and_whole_from_the_first_eighth_to_the_last():
-    graze, march = shipped().get("graze"), shipped().get("march")
-    wander = [brush_at(graze, march, along, 0.8).params.wander for along in (0.0, 1 / 16, 1 / 8, 0.5, 7 / 8, 1.0)]
+    graze, march, noisy = shipped().get("graze"), shipped().get("march"), Route(0.8)
+    wander = [brush_at(graze, march, way, noisy).params.wander for way in (0.0, 1 / 16, 1 / 8, 0.5, 7 / 8, 1.0)]
     assert wander == pytest.approx([0.0, 0.4, 0.8, 0.8, 0.8, 0.0])  # both brushes have none
 
 
@@ -109,9 +139,23 @@ def test_what_differs_more_than_tenfold_goes_by_ratio_and_the_rest_straight():
     third, straight = brush_at(graze, march, 1 / 3).params, mixed(graze, march, 1 / 3).params
     assert third.alignment_weight**3 == pytest.approx(0.015**2 * 0.499)
     assert third.cohesion_weight == straight.cohesion_weight == pytest.approx(0.08 + 0.425 / 3)
-    for end, along in ((graze, 0.0), (march, 1.0)):
-        assert brush_at(graze, march, along, 2.0).params == end.params
+    for end, way in ((graze, 0.0), (march, 1.0)):
+        assert brush_at(graze, march, way, Route(2.0, ("alignment",))).params == end.params
     assert set(detours(graze, march, [0.0, 0.5, 1.0])) == {"alignment_weight"}
+
+
+def test_what_changes_first_is_done_half_way_where_the_rest_begins():
+    swarm, march, route = shipped().get("swarm"), shipped().get("march"), Route(0.0, ("alignment", "cohesion_w"))
+    middle = brush_at(swarm, march, 0.5, route)
+    for name in ("alignment_weight", "alignment_radial", "alignment_angular", "cohesion_weight"):
+        assert getattr(middle.params, name) == pytest.approx(getattr(march.params, name))
+    for name in ("avoidance_weight", "cohesion_angular", "neighbour_range"):
+        assert getattr(middle.params, name) == getattr(swarm.params, name)
+    assert middle.speed == swarm.speed
+    quarter, later = (brush_at(swarm, march, way, route) for way in (0.25, 0.75))
+    assert quarter.params.alignment_weight == pytest.approx(np.sqrt(0.001 * 0.499))  # by ratio
+    assert quarter.params.alignment_radial == pytest.approx(0.5 * (0.313 + 1.0))
+    assert later.speed.mean == pytest.approx(0.5 * (1.28 + 4.0))
 
 
 def test_herds_begin_as_the_trial_says():
@@ -132,11 +176,10 @@ def branches(there, back, deviation=0.02):
 def test_branches_that_differ_at_one_step_are_hysteresis_and_are_named():
     swept = branches([1.0, 0.99, 0.9, 0.1], [1.0, 0.7, 0.1, 0.1])
     assert swept.hysteresis and swept.widest() == pytest.approx((2, 0, 0.8, 0.02 * np.sqrt(2 / 3)))
-    assert verdict(swept, False) == (
+    assert verdict(swept) == (
         "bistable: at 2/3 polarization is 0.90 there and 0.10 back (standard error 0.02); "
         "largest step there 0.80 between 2/3 and 3/3, back 0.60 between 1/3 and 2/3"
     )
-    assert verdict(swept, True).startswith("hysteresis, though fresh herds change evenly: at 2/3")
 
 
 @pytest.mark.parametrize("swept", [
@@ -145,7 +188,7 @@ def test_branches_that_differ_at_one_step_are_hysteresis_and_are_named():
     branches([1.0, 0.4, 0.1], [0.2, 0.4, 0.9]),  # the ends are no steps of the way
 ])  # fmt: skip
 def test_without_two_branches_there_is_no_hysteresis(swept):
-    assert not swept.hysteresis and verdict(swept, False).startswith("no hysteresis: at 1/2 polarization is")
+    assert not swept.hysteresis and verdict(swept).startswith("no hysteresis: at 1/2 polarization is")
 
 
 def test_herds_are_measured_and_swept_the_same_again():
@@ -184,15 +227,16 @@ def test_swept_herds_stay_at_each_step_as_long_as_new_herds_run(monkeypatch):
 
 def test_the_command_writes_a_path_that_a_library_finds(cli, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    short = ("--animals", 6, "--seeds", 2, "--steps", 2, "--seconds", 1, "--begin", "aligned")
-    done = cli("brush", "morph", "swarm", "march", *short)
+    options = "--animals 6 --animals 12 --seeds 2 --steps 2 --seconds 1 --begin aligned --wander 0.5 --first alignment"
+    done = cli("brush", "morph", "swarm", "march", *options.split())
     assert done.code == 0, done.err
-    assert "hysteresis" in done.out or "bistable" in done.out
+    assert "6 animals, 2 seeds" in done.out and "12 animals, 2 seeds" in done.out
     assert "wrote swarm--march.path.toml" in done.out
     file = tmp_path / "swarm--march.path.toml"
     path = load_path(file.read_bytes(), file.name)
-    assert path.start == "swarm" and len(path.along) == 3 and "brush morph swarm march" in path.measured
+    assert path.start == "swarm" and len(path.along) == 3 and f"brush morph swarm march {options}" in path.measured
     assert (path.begin, path.seconds) == ("aligned", 1.0) and not (path.even and path.bistable)
+    assert path.even == ("no hysteresis" not in done.out and "bistable" not in done.out)  # uneven ones are swept
     library = BrushLibrary([tmp_path])
     there, back = path_between(library, "swarm", "march"), path_between(library, "march", "swarm")
     assert there == path and back.along[1] == pytest.approx(1.0 - path.along[1])
@@ -207,6 +251,8 @@ def test_pairs_with_nothing_between_are_refused(cli, tmp_path, monkeypatch):
     ):
         done = cli("brush", "morph", *pair)
         assert done.code != 0 and why in done.err + done.out
+    done = cli("brush", "morph", "swarm", "march", "--first", "mood")
+    assert done.code != 0 and "model 'herd' has no parameter mood (--first)" in done.err + done.out
     assert not list(tmp_path.iterdir())
 
 
@@ -217,6 +263,8 @@ def test_shipped_paths_lead_from_brush_to_brush():
             path = load_path(file.read_bytes(), file.name)
             start, end = library.get(path.start), library.get(path.end)
             assert file.name == f"{path.start}--{path.end}.path.toml" and path.measured
+            for share, brush in ((0.0, start), (1.0, end)):
+                assert mixed(start, end, share, path).params.model_dump() == pytest.approx(brush.params.model_dump())
             for k in range(STEPS + 1):
                 assert mixed(start, end, k / STEPS, path).model == start.model
 
@@ -225,7 +273,7 @@ def test_shipped_paths_are_judged_beside_the_straight_line():
     path = shipped_paths()["swarm--march"]
     ways = judged(*brushes_of("swarm--march"), path, Trial(animals=6, seeds=2, seconds=1.0), 2)
     on_path, straight = ways["path"][0], ways["straight line"][0]
-    assert on_path.mean.shape == straight.mean.shape == (len(path.along), 2)
+    assert on_path.mean.shape == straight.mean.shape == (STEPS + 1, 2)
     ends = on_path.mean[[0, -1]], straight.mean[[0, -1]]
     np.testing.assert_allclose(*ends, atol=1e-9)  # the same brushes beside other herds
     assert not np.array_equal(on_path.mean[1:-1], straight.mean[1:-1])

@@ -95,19 +95,6 @@ def test_a_run_with_an_event_is_told_exported_recorded_and_replayed(cli, tmp_pat
     assert measured["series"]["state go"][0] == 0 and measured["measures"]["state go"] == 12
 
 
-def test_an_export_as_parquet_carries_the_state(cli, tmp_path):
-    pq = pytest.importorskip("pyarrow.parquet")
-    table = tmp_path / "pen.parquet"
-    cli("run", level(tmp_path), "--seconds", 1, "--event", "0.5:alarm", "--export", table)
-    assert set(pq.read_table(table)["state"].to_pylist()) == {"rest", "go"}
-
-
-def test_a_level_without_programs_has_no_column_for_states(cli, tmp_path):
-    table = tmp_path / "meadow.csv"
-    told = json.loads(cli("run", "meadow", "--ticks", 2, "--agents", 4, "--json", "--export", table).out)
-    assert told["states"] == {} and "state" not in table.read_text().splitlines()[0].split(",")
-
-
 @pytest.mark.parametrize(
     "event, said",
     [

@@ -225,15 +225,6 @@ def test_a_header_that_makes_no_sense_is_refused(cli, recording, tmp_path, heade
     assert len(done.err.splitlines()) == 1
 
 
-def test_a_recording_cut_anywhere_opens_or_is_refused_in_words(cli, recording, tmp_path):
-    data, path = recording.read_bytes(), tmp_path / "a.flock"
-    for size in (0, 7, 20, 400, len(data) // 2, len(data) - 300, len(data) - 1):
-        path.write_bytes(data[:size])
-        done = cli("replay", path, "--verify")
-        assert done.code in (0, 1)
-        assert done.err.startswith(str(path))
-
-
 def test_a_tick_after_the_end_is_refused(cli, recording):
     done = cli("replay", recording, "--to-tick", 41)
     assert done.code == 1

@@ -216,16 +216,6 @@ def test_ids_are_written_in_ranges():
 # the command and the file -------------------------------------------------------------------
 
 
-def test_edits_lie_beside_the_recording_which_stays_as_it_is_and_verifies(cli, run):
-    before = run.read_bytes()
-    done = cli("edit", run, "--ids", "1-3", "--delete")
-    assert done.code == 0, done.err
-    assert "delete 3 animals" in done.out
-    assert beside(run).is_file() and run.read_bytes() == before
-    assert cli("replay", run, "--verify").code == 0
-    assert [edit.ids for edit in edits_of(run).edits()] == [(1, 2, 3)]
-
-
 def test_undo_redo_and_layers(cli, run):
     cli("edit", run, "--ids", "1", "--delete")
     cli("edit", run, "--species", "sheep", "--retime", "2", "--from", "0.5", "--layer", "fast")

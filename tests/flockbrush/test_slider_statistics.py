@@ -39,10 +39,13 @@ def test_a_seed_that_counts_for_nothing_is_left_out():
 
 
 def test_given_ranges_are_those_of_a_slider():
-    general = next(one for one in macros_of(shipped().get("bolt"), {}) if one.name == "order")
-    slider = given(general, ["alignment_weight=0.01:1:times", "mean=5.5:4.5"])
-    assert slider.ranges == (Range("params", "alignment_weight", 0.01, 1.0, True), Range("speed", "mean", 5.5, 4.5))
-    assert slider.name == "order"
+    general = next(one for one in macros_of(shipped().get("bolt"), {}) if one.slider == "order")
+    slider = given(general, ["alignment_weight=0.01:1:times", "mean=5.5:4.5", "wander=2:0:0.1"])
+    assert slider.ranges == (
+        Range("params", "alignment_weight", 0.01, 1.0, True), Range("speed", "mean", 5.5, 4.5),
+        Range("params", "wander", 2.0, 0.0, False, 0.1),
+    )  # fmt: skip
+    assert slider.slider == "order"
 
 
 def test_brushes_start_as_their_bands_say_and_formations_have_no_order_of_headings():

@@ -39,15 +39,6 @@ def test_a_film_becomes_tracks_and_tracks_become_a_flight(clip, tmp_path, capsys
         assert len({row["id"] for row in csv.DictReader(file)}) == 4
 
 
-def test_what_is_no_film_is_refused(tmp_path, capsys):
-    (tmp_path / "notes.mp4").write_text("no film")
-    out = str(tmp_path / "t.csv")
-    assert called(["track", str(tmp_path / "notes.mp4"), "--out", out]) == 1
-    assert "notes.mp4: is not a readable video" in capsys.readouterr().err
-    assert called(["track", str(tmp_path / "missing.mp4"), "--out", out]) == 1
-    assert "there is no such file" in capsys.readouterr().err
-
-
 def test_a_correction_with_a_mistake_names_its_line(clip, tmp_path, capsys):
     (tmp_path / "fix.csv").write_text("frame,id,x,y\n3,1,ten,20\n")
     assert called(["track", str(clip), "--out", str(tmp_path / "t.csv"), "--correct", str(tmp_path / "fix.csv")]) == 1

@@ -4,6 +4,7 @@ By hand, from the root of the repository: ``python tests/fuzz/heavy_files.py [NA
 Each is read in a forked process of its own, whose peak of memory the system counts.
 """
 
+import functools
 import os
 import sys
 import tempfile
@@ -22,6 +23,8 @@ from kinds import kinds
 
 FRESH = 140.0  # MiB of a process that has imported all this and read nothing
 
+kinds_in = functools.cache(kinds)  # their sound files are made once
+
 WORST = tuple(name for name, (kind, _) in MAKERS.items() if kind in kinds(""))
 
 
@@ -31,7 +34,7 @@ WORST = tuple(name for name, (kind, _) in MAKERS.items() if kind in kinds(""))
 def peak_of(name, folder):
     """(MiB at most, what came of it) of reading one heavy file in a process of its own."""
     what, maker = MAKERS[name]
-    kind = kinds(folder)[what]
+    kind = kinds_in(folder)[what]
     kind.folder.mkdir(parents=True, exist_ok=True)
     assert kind.sound
     path = kind.folder / f"heavy{kind.ending}"

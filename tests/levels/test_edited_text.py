@@ -374,12 +374,6 @@ def test_the_last_spawn_stays_for_a_level_without_animals_is_none(meadow):
     assert edit.text() == before and read(edit).spawns[0].id == spawns[-1]
 
 
-def test_an_infinite_map_is_refused_in_words(tmp_path):
-    (tmp_path / "endless.tmj").write_text(json.dumps(small(infinite=True)))
-    with pytest.raises(ProblemsError, match="an infinite map cannot be edited here; set a fixed size in Tiled"):
-        Editor.open(tmp_path / "endless.tmj")
-
-
 def test_a_tileset_that_is_gone_is_said(tmp_path):
     (tmp_path / "small.tmj").write_text(json.dumps(small(tilesets=[{"firstgid": 1, "source": "gone.tsj"}])))
     with pytest.raises(ProblemsError, match=r"gone\.tsj.*no such file"):

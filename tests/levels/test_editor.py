@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 from edited_level import done, editor, names_on, read, small
 from flockbrush.behaviours.brush import BrushLibrary, load_brush, save_brush, shipped
-from flockbrush.components import Position
-from flockbrush.engine.commands import CommandError, Commands
-from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.commands import Commands
 from flockbrush.levels.build import build
 from flockbrush.levels.editor import Editor
 from flockbrush.levels.level_writer import Document, dump
@@ -22,7 +20,7 @@ from flockbrush.systems.commands import AddAnimals, AddObstacle, SetParameter
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, UseBrush, fill
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import Nursery
-from small_level import GRASS, MARCH, herd, objects, polygon, properties, thing, tiles
+from small_level import GRASS, MARCH, herd, objects, properties, tiles
 
 TILED = shutil.which("tiled")
 FRONT = shipped().get("front").source.decode()
@@ -208,18 +206,6 @@ def test_the_picture_of_the_playground_shows_its_tiles(meadow):
     assert [bool(picture[:, 32 * k : 32 * k + 32, 3].any()) for k in range(3)] == [True, True, False]
 
 
-def test_a_save_that_fails_leaves_file_and_editor_as_they_were(meadow, monkeypatch):
-    living = Living(meadow)
-    before = meadow.read_bytes()
-    living.do(Paint("cap", 0.37, 60.0, 20.0, 74.0, 22.0, 6.0))
-    monkeypatch.setattr(os, "fsync", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
-    with pytest.raises(ProblemsError, match="cannot be written: No space left on device"):
-        living.editor.save()
-    assert meadow.read_bytes() == before
-    assert living.editor.dirty
-    assert living.editor.undo_label == "edit"
-
-
 # together with the world ----------------------------------------------------------------------------------------------
 
 
@@ -247,15 +233,6 @@ def test_a_brush_tuned_and_kept_as_a_new_asset_is_painted_and_found_again(meadow
     assert load_brush(path) == BrushLibrary([meadow.parent / "brushes"]).get("mine")
 
 
-def test_what_the_world_refuses_is_not_in_the_file(meadow):
-    living = Living(meadow)
-    start = living.editor.text()
-    with pytest.raises(CommandError):
-        living.do(Paint("brush", "graze", -50.0, 5.0, -40.0, 5.0, 3.0))
-    assert living.editor.text() == start
-    assert len(living.simulation.agents[Position.xyz]) == 140
-
-
 def test_a_stroke_costs_what_it_paints_and_not_what_the_map_is_large():
     def memory(size):
         plain = properties(schema="flockbrush-level/1", metres_per_tile=2.0)
@@ -271,15 +248,6 @@ def test_a_stroke_costs_what_it_paints_and_not_what_the_map_is_large():
         return peak
 
     assert memory(500) < 1.5 * memory(10) < 100_000  # bytes; one bit for each cell of the large map would be 250,000
-
-
-def test_a_document_is_laid_out_as_before(tmp_path):
-    edit = editor(
-        tiles(),
-        objects("spawns", herd()),
-        objects("exits", thing(5, "Exit", 0, 0, extra=polygon((0, 0), (9, 0), (9, 9)))),
-    )
-    assert edit.text() == dump(small(*edit.document.data["layers"]))
 
 
 def test_strokes_by_hand_lie_in_no_layer_that_says_whom_it_binds():

@@ -123,19 +123,6 @@ def test_the_version_before_is_kept_and_nothing_is_left_lying_about(path):
     assert sorted(os.listdir(path.parent)) == ["small.tmj", "small.tmj.bak"]
 
 
-def test_a_save_that_fails_leaves_the_level_as_it_was(path, monkeypatch):
-    before = path.read_bytes()
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(ProblemsError, match=r"small\.tmj: cannot be written: No space left on device"):
-        Document.load(path).save(backup=False)
-    assert path.read_bytes() == before
-    assert os.listdir(path.parent) == ["small.tmj"]
-
-
 def test_a_number_that_is_none_is_not_written(path):
     before = path.read_bytes()
     document = Document.load(path)

@@ -54,9 +54,9 @@ class TestProject:
             if name.endswith(".png"):  # another version of the library may pack or smooth differently
                 ours, theirs = (cv2.imdecode(np.frombuffer(b, np.uint8), -1).astype(int) for b in (content, kept))
                 assert ours.shape == theirs.shape, name
-                assert np.abs(ours - theirs).max() <= 12, f"{name}: run python -m flockbrush.levels.make_levels"
+                assert np.abs(ours - theirs).max() <= 12, f"{name}: run python -m flockbrush.levels.tiled"
             else:
-                assert kept == content, f"{name}: run python -m flockbrush.levels.make_levels"
+                assert kept == content, f"{name}: run python -m flockbrush.levels.tiled"
 
     def test_every_class_and_enum_of_the_schema_is_in_it(self):
         types = {t["name"]: t for t in project(["march"])["propertyTypes"]}

@@ -41,8 +41,8 @@ def in_own_folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def window(tmp_path):
-    """A window on a small level, without a script."""
+def window(tmp_path, in_own_folder):
+    """A window on a pasture of 24 x 16 m: nine sheep in the west, a stone in the east, a way through the middle."""
     from window import Window
 
     window = Window(pasture(tmp_path, script=False))

@@ -4,9 +4,9 @@
 def crashed(session):
     """End a session as a crash does: the operating system has what was handed to it, and the locks are free."""
     session.timeline.flush()
-    session._shelter._lock.release()
+    session._recovery._lock.release()
     for branch in session.branches.values():
-        branch.scribe.recording._work._lock.release()
+        branch.recorder.recording._work._lock.release()
     session.simulation.close()
 
 

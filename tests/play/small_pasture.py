@@ -23,7 +23,7 @@ def pasture(folder, name="pasture", sheep=9, script=True, boundary="wall"):
     (folder / "tilesets").mkdir(parents=True, exist_ok=True)
     for file, content in tiles().items():
         (folder / file).write_bytes(content)
-    sketch = LevelSketch(24, 16, 1.0, "tilesets", shipped().names(), boundary, 3)
+    sketch = LevelSketch(24, 16, 1.0, "tilesets", boundary, 3)
     sketch.ground("grass")
     sketch.box("Obstacle", 16, 8, 2, 2, "stone")
     sketch.draw("Guide", [(3, 8), (21, 8)], "way", closed=False, radius=4)

@@ -41,25 +41,6 @@ def test_a_level_that_tiled_saves_comes_anew_and_goes_on_playing(window):
     assert len(window.session.branches) == 2
 
 
-def test_a_level_with_unsaved_work_asks_before(window):
-    window.key("b")
-    window.choose("brush", "graze")
-    window.drag((12, 3), (14, 3))
-    written_by_tiled(window.session.path)
-    window.frames(40)
-    assert window.dialog is not None and window.session.level.seed != 77
-
-
-def test_a_level_that_tiled_saves_broken_stays_and_says_why_once(window):
-    before = window.session.level.seed
-    window.session.path.write_text("{")
-    window.frames(120)
-    assert window.session.level.seed == before
-    told = [text for text in window.said("error") if "The level in this window is not changed" in text]
-    assert len(told) == 1
-    window.toasts.log.clear()
-
-
 def test_a_brush_saved_here_gets_its_tile_and_its_name_in_tiled(tmp_path):
     folder = tmp_path / "my herds"
     init(folder, shipped())

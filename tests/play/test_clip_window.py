@@ -1,7 +1,5 @@
 """The window over a film: scrubbed, marked, painted, put right and sketched in by hands, saved and taken up again."""
 
-import subprocess
-import sys
 import time
 from dataclasses import replace
 
@@ -404,14 +402,6 @@ def test_nothing_is_lost_where_nothing_can_be_written(sky_clip, open_window, tmp
     assert not window.save() and window.book.dirty and window.toasts.log[-1].kind == "error"
 
 
-def test_a_mistake_in_a_mode_becomes_a_message(sky_clip, open_window, monkeypatch):
-    window = open_window(Film(sky_clip), "birds")
-    monkeypatch.setattr(window.mode, "follow", lambda: 1 / 0)
-    monkeypatch.delenv("FLOCKBRUSH_DEBUG", raising=False)
-    window.key("f")
-    assert "ZeroDivisionError" in window.said()[-1] and window.running
-
-
 def test_every_mode_can_be_had_at_every_size(sky_clip, open_window):
     window = open_window(Film(sky_clip))
     window.book.do("birds", "birds", 0, birds=Birds.none(40).put(0, 1, 50, 50))
@@ -459,10 +449,3 @@ def test_who_is_interrupted_loses_nothing(sky_clip, tmp_path, monkeypatch):
     with pytest.raises((KeyboardInterrupt, Stopped)):
         start_clip.mark_clip(sky_clip, tmp_path / "out", frames=1)
     assert "body_length_px = 12" in (tmp_path / "out" / "birds.marks.toml").read_text()
-
-
-def test_help_of_play_names_the_film(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "flockbrush", "play", "--help"], capture_output=True, text=True, check=True
-    )
-    assert "--clip" in done.stdout

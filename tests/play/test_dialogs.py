@@ -1,17 +1,5 @@
 """Questions: what is prefilled is replaced by typing, and what is not accepted can be mended."""
 
-import pytest
-from small_pasture import pasture
-from window import Window
-
-
-@pytest.fixture
-def window(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    window = Window(pasture(tmp_path, script=False))
-    yield window
-    window.close()
-
 
 def ask_for_a_brush(window):
     window.column.show_titled("Brush")

@@ -5,17 +5,9 @@ import pytest
 from flockbrush.components import Leading, Position
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.edits import MarkSpawn
-from small_pasture import pasture
-from window import Window, pygame
+from window import pygame
 
 from flockbrush.studio.forms import blank, changed, live_commands, rows_of
-
-
-@pytest.fixture
-def window(tmp_path, in_own_folder):
-    window = Window(pasture(tmp_path, script=False))
-    yield window
-    window.close()
 
 
 def fill(window, **texts):

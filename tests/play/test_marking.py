@@ -1,7 +1,6 @@
 """Marks corrected by hands in the window, carried on, undone, saved and read again."""
 
 import numpy as np
-import pygame
 import pytest
 from flockbrush.engine.problems import ProblemsError
 from typer.testing import CliRunner
@@ -124,25 +123,6 @@ def test_one_photograph_works(tmp_path, open_window):
     window.click((30, 30))
     window.key("ctrl+s")
     assert len(window.book.out.read_text().splitlines()) == 11
-
-
-def test_unsaved_marks_are_asked_about(tmp_path, open_window):
-    window = open_window(film(tmp_path, 1))
-    window.click((30, 30))
-    window.post(pygame.QUIT)
-    assert window.running and window.dialog.alive()
-    window.key("escape")
-    assert window.running
-    window.post(pygame.QUIT)
-    window.key("return")
-    assert not window.running and window.book.out.exists()
-
-
-def test_nothing_is_written_where_nothing_can_be(tmp_path, open_window):
-    window = open_window(film(tmp_path, 1))
-    window.book.out = tmp_path / "away" / "marks.csv"
-    assert not window.save()
-    assert "marks.csv" in window.toasts.log[-1].text and window.toasts.log[-1].kind == "error"
 
 
 def test_marks_of_other_pictures_are_not_overwritten(tmp_path):

@@ -6,7 +6,6 @@ import pytest
 from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.brush import load_brush, shipped
 from flockbrush.systems.commands import SetParameter
-from flockbrush.systems.edits import UseBrush
 from small_pasture import by_hand, pasture
 from small_window import SmallWindow
 
@@ -47,14 +46,6 @@ def row(window, name):
 def drag_slider(window, name, by):
     knob = row(window, name).slider.sliding_button
     window.drag(knob.rect.center, (by, 0))
-
-
-def test_dragging_a_slider_changes_the_herd_that_runs(window):
-    before = running(window).speed.mean
-    drag_slider(window, "mean", 60)
-    after = running(window).speed.mean
-    assert after > before
-    assert palette_of(window.session).mean[palette_of(window.session).named("march")] == after
 
 
 def test_a_drag_is_one_step_of_undo(window):
@@ -224,26 +215,11 @@ def another(knob, value):
     return knob.high if value != knob.high else knob.low
 
 
-def test_a_command_carries_a_brush_that_reads_back_the_same():
-    brush = shipped().get("march")
-    command = use(brush)
-    assert isinstance(command, UseBrush)
-    assert load_brush(command.source.encode(), f"{command.name}.brush.toml") == brush
-
-
 def test_a_new_brush_of_nothing_changed_says_so():
     brush = shipped().get("march")
     made = as_new(brush, brush, "copy", datetime.date(2026, 11, 21))
     assert "Same parameters" in made.provenance.notes
     assert made.params == brush.params
-
-
-@pytest.mark.parametrize("size", [(200, 140), (260, 300), (700, 1300)])
-@pytest.mark.parametrize("scale", [0.8, 2.0])
-def test_a_column_of_any_size_holds_the_panel(level, size, scale):
-    window = advanced(level, scale=scale, size=size)
-    assert window.panel.rows
-    window.close()
 
 
 def test_a_level_that_comes_with_flockbrush_keeps_its_folder_and_says_why():

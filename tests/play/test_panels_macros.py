@@ -7,10 +7,10 @@ from flockbrush.behaviours.sliders import Range
 from small_pasture import pasture
 from small_window import SmallWindow
 
-from benchmarks.macros import with_slider
+from benchmarks.macros import EFFECTS, FORMATIONS, IN_FORMATION, with_slider
 from flockbrush.studio.panels.brush_panel import BrushPanel
 from flockbrush.studio.panels.knobs import SENTENCE, knobs_of
-from flockbrush.studio.panels.macros import GOAL, HARDLY, SURE, macros_of, ranges_by_brush
+from flockbrush.studio.panels.macros import SURE, macros_of, measured_sliders, reaches_goal
 from flockbrush.studio.panels.panel import palette_of
 from flockbrush.studio.panels.tuning import changes, turned, use
 
@@ -35,8 +35,8 @@ def test_every_shipped_brush_goes_from_end_to_end_of_every_slider(name):
 @pytest.mark.parametrize("model", behaviours().values(), ids=lambda model: model.name)
 def test_a_model_has_four_to_six_sliders_of_its_own_numbers(model):
     assert 4 <= len(model.Params.sliders) <= 6
-    for _, ranges in model.Params.sliders.values():
-        for part in ranges:
+    for slider in model.Params.sliders.values():
+        for part in slider.ranges:
             fields = model.Params.model_fields if part.table == "params" else {"mean", "deviation"}
             assert part.name in fields
 
@@ -57,39 +57,73 @@ def test_a_brush_goes_by_its_own_ranges_and_others_by_the_general_rule():
     more = one.turned(MARCH, 1.0)
     assert one.ranges == tuple(Range(*part) for part in own) and one.note == ""
     assert more.params.alignment_weight == 0.7 and more.params.avoidance_weight < MARCH.params.avoidance_weight
-    other = next(one for one in macros_of(shipped().get("graze"), table) if one.name == "order")
+    other = next(one for one in macros_of(shipped().get("graze"), table) if one.slider == "order")
     assert other.ranges == MARCH.params.sliders["order"].ranges
 
 
-def test_what_was_measured_stands_below_a_slider_that_does_less_or_more():
+def test_a_number_may_go_from_end_to_end_within_a_part_of_the_slider():
+    own = [["params", "alignment_weight", 0.0, 1.0], ["params", "wander", 2.0, 0.0, False, 0.25]]
+    one = next(one for one in macros_of(MARCH, {"order": {"march": {"ranges": own}}}) if one.slider == "order")
+    at = one.value(MARCH)
+    turned_to = [one.turned(MARCH, place).params.wander for place in (0.0, at - 0.125, at, 1.0)]
+    assert turned_to == pytest.approx([2.0, 1.0, 0.0, 0.0])
+
+
+def test_what_was_measured_stands_below_a_slider_that_does_less_or_more_and_its_name_goes_by_it():
     def order(course, **moves):
         table = {"order": {"march": {"polarization": course, "moves": dict.fromkeys(MOVES, 0.1) | moves}}}
-        one = next(one for one in macros_of(MARCH, table) if one.name == "order")
-        return one.kind == SENTENCE, one.note
+        one = next(one for one in macros_of(MARCH, table) if one.slider == "order")
+        return one.name, one.kind == SENTENCE, one.note
 
-    assert order([0.1, 0.9], polarization=9.0, nnd=2.9) == (False, "")
-    assert order([0.1, 0.9], polarization=9.0, nnd=3.1, speed_mean=4.0) == (False, "also changes speed and spacing")
-    said = "weak effect: polarization 0.63 to 0.78 ± 0.05"
-    assert order([0.63, 0.78, 0.7], polarization=3.0) == (True, said)
-    assert order([0.3, 0.8], polarization=1.0) == (True, "weak effect: polarization 0.30 to 0.80 ± 0.50")
+    assert order([0.1, 0.9], polarization=9.0, nnd=2.9) == ("order", False, "")
+    also = "also changes speed and spacing"
+    assert order([0.1, 0.9], polarization=9.0, nnd=3.1, speed_mean=4.0) == ("alignment", False, also)
+    assert order([0.5, 0.9], polarization=9.0) == ("alignment", False, "")
+    said = "weak effect: polarization 0.30 to 0.80"
+    assert order([0.3, 0.8], polarization=1.0) == ("alignment", True, said)
+    assert [one.name for one in macros_of(MARCH, {}) if one.slider == "order"] == ["alignment"]  # nothing measured
 
 
-def test_the_table_has_the_order_of_every_shipped_herd_and_its_notes_say_what_was_measured():
-    measured = ranges_by_brush()["order"]
-    assert set(measured) == set(with_slider("order"))
-    for name, entry in measured.items():
-        one = macro(shipped().get(name), "order")
-        low, high = min(entry["polarization"]), max(entry["polarization"])
-        moves = entry["moves"]
-        good = moves["polarization"] >= GOAL * max(by for key, by in moves.items() if key != "polarization")
-        assert bool(one.note) == (not good or high - low < HARDLY or moves["polarization"] < SURE)
+@pytest.mark.parametrize("name", shipped().names())
+def test_every_shipped_brush_has_four_to_six_sliders_that_act(name):
+    brush = shipped().get(name)
+    assert 4 <= sum(one.kind != SENTENCE for one in macros_of(brush)) <= 6
+
+
+def test_what_is_called_order_moves_polarization_three_times_as_far_as_any_other_measure():
+    named = {one.name for one in map(shipped().get, shipped().names()) for m in macros_of(one) if m.name == "order"}
+    table = measured_sliders()["order"]
+    assert len(named) >= 18
+    for name in named:
+        far, *others = table[name]["moves"].values()
+        assert next(iter(table[name]["moves"])) == "polarization" and far >= 3.0 * max(others)
+        assert table[name]["ratio"][0] >= 2.95 and max(table[name]["polarization"]) > 0.5 + min(
+            table[name]["polarization"]
+        )
+    # and no herd that reaches it is called less
+    assert named == {name for name, entry in table.items() if reaches_goal(entry)}
+
+
+def test_the_table_has_every_slider_that_has_a_measure_and_what_acts_acts_as_named():
+    table = measured_sliders()
+    assert set(table["order"]) == set(with_slider("order"))
+    for name in shipped().names():
+        brush = shipped().get(name)
+        named = EFFECTS | (IN_FORMATION if brush.model in FORMATIONS else {})
+        for one in macros_of(brush):
+            if one.slider in named:
+                measure, sign = named[one.slider]
+                entry = table[one.slider][name]
+                low, _, high = entry[measure]
+                assert list(entry["moves"]) == [measure]
+                assert one.kind == SENTENCE if entry["moves"][measure] < SURE else sign * (high - low) > 0
 
 
 def test_own_ranges_of_shipped_brushes_contain_the_brush():
-    for slider, brushes in ranges_by_brush().items():
+    for slider, brushes in measured_sliders().items():
         for name, entry in brushes.items():
             brush = shipped().get(name)
-            one = macro(brush, slider)
+            one = next(one for one in macros_of(brush) if one.slider == slider)
             own = one.turned(brush, one.value(brush))
             for part in entry.get("ranges", ()):
                 numbers = [getattr(getattr(made, part[0]), part[1]) for made in (own, brush)]
@@ -125,11 +159,11 @@ def test_a_turned_slider_changes_the_running_herd_and_is_one_step_of_undo(tmp_pa
 
 def test_a_sentence_stands_where_a_slider_hardly_acts(tmp_path, monkeypatch):
     flat = {"polarization": [0.63, 0.7], "moves": dict.fromkeys(MOVES, 1.0)}
-    monkeypatch.setattr("flockbrush.studio.panels.macros.ranges_by_brush", lambda: {"order": {"march": flat}})
+    monkeypatch.setattr("flockbrush.studio.panels.macros.measured_sliders", lambda: {"order": {"march": flat}})
     window = SmallWindow(pasture(tmp_path), BrushPanel, brush="march")
     try:
         rows = {row.knob.name: row for row in window.panel.rows}
-        assert not hasattr(rows["order"], "slider") and hasattr(rows["pace"], "slider")
+        assert not hasattr(rows["alignment"], "slider") and hasattr(rows["pace"], "slider")
         assert [row.top for row in rows.values()] == sorted(row.top for row in rows.values())
     finally:
         window.close()

@@ -18,7 +18,7 @@ def level(tmp_path_factory):
 
 @pytest.fixture
 def window(level):
-    made = SmallWindow(level, ViewPanel)
+    made = SmallWindow(level, ViewPanel, size=(320, 1400))  # as tall as the panel: a new overlay adds a row
     yield made
     made.close()
 
@@ -86,7 +86,7 @@ def test_the_profile_shows_every_system_and_every_part_of_a_frame(level):
 
 
 def test_systems_are_named_in_words():
-    assert words_of("SeeByHiddenPoints") == "See by hidden points"
+    assert words_of("FindNeighbours") == "Find neighbours"
 
 
 @pytest.mark.parametrize("kind", PANELS, ids=lambda kind: kind.title)

@@ -43,7 +43,6 @@ def test_what_comes_between_press_and_release_breaks_nothing(tmp_path):
             window.release((14, 4))
             document = window.session.editor.text()
             window.move((20, 12))
-            window.move((18, 12))
             assert window.session.editor.text() == document, (tool.name, trouble)
     assert [text for text in window.said() if "this failed" in text] == []
     window.close()

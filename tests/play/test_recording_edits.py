@@ -230,17 +230,6 @@ def test_undo_leaves_the_animals_selected(window):
     assert window.session.edits.selected.tolist() == [animal]
 
 
-def test_all_of_a_species_turn_about_their_middle(window, exported):
-    made = panel(window)
-    made._select("species sheep")
-    window.frames(2)
-    assert len(window.session.edits.selected) == len(shown(window))
-    press(window, "Move ...")
-    window.dialog.entries["turn"].set_text("90")
-    window.key("return")
-    same_as_exported(window, exported, 0, TICKS)
-
-
 def test_all_of_a_brush_are_those_that_are_shown_with_it(tmp_path, monkeypatch):
     for name in ("FLOCKBRUSH_CONFIG", "FLOCKBRUSH_CACHE", "FLOCKBRUSH_STATE"):
         monkeypatch.setenv(name, str(tmp_path / name))

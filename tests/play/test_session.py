@@ -8,7 +8,6 @@ from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, 
 from flockbrush.systems.edits import DrawGuide
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.steer import AskModels, NotFinite
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_pasture import by_hand, pasture, straight_run, stroke, texts, verified
@@ -98,17 +97,6 @@ def test_sheep_glide_between_ticks(session):
     assert session.view() is session.moment
 
 
-def test_single_steps_go_both_ways(session):
-    session.step(5)
-    here = state_hash(session.simulation.world)
-    session.step()
-    session.step(-1)
-    assert session.tick == 5 and session.last_tick == 6
-    assert state_hash(session.simulation.world) == here
-    session.step(-50)
-    assert session.tick == 0
-
-
 def test_the_past_is_watched_again_and_then_goes_on(session, level):
     session.step(10)
     session.do("paint", [stroke("swarm", 8, 8, 3)])
@@ -133,25 +121,6 @@ def test_dragging_through_a_long_past_takes_its_time(session):
     session.scrub(20, budget_s=0.0)
     session.do("paint", [stroke("swarm", 8, 8, 3)])  # whoever acts, acts where he wanted to be
     assert session.tick == 20 and session.branch_name == "pasture-2"
-
-
-def test_time_that_goes_on_while_somebody_edits_is_the_run_of_these_edits(session, level):
-    session.play()
-    for k in range(10):
-        played(session, 7)
-        session.do("add", [AddAnimals("march", 4, 4 + 0.5 * k, 2, 1, "sheep")])
-    session.pause()
-    assert len(session.moment) == 19 and texts(session) == []
-    assert session.timeline.current.hashes == straight_run(level, by_hand(session), session.last_tick)
-
-
-def test_an_edit_while_time_stands_is_the_edit_at_that_tick(session, level):
-    session.step(6)
-    session.do("switch", [SwitchBrush("swarm")])
-    session.do("remove", [RemoveAnimals(6, 8, 1)])
-    session.step(6)
-    commands = [(6, SwitchBrush("swarm")), (6, RemoveAnimals(6, 8, 1))]
-    assert session.timeline.current.hashes == straight_run(level, commands, 12)
 
 
 # what goes wrong -------------------------------------------------------------------
@@ -185,25 +154,6 @@ def test_a_script_that_fails_pauses_and_says_so(tmp_path):
     played(session, 60)
     assert session.tick > 30
     session.close()
-
-
-def test_a_model_without_a_number_pauses_and_says_which(session, monkeypatch):
-    ask = AskModels._ask
-
-    def ill(world, scene, palette, index, rows):
-        if scene.tick == 7 and world.agents.ids[0] == 1:
-            raise NotFinite("model 'herd' (brush 'march') gave a wish that is not finite, for entity 1 in tick 7")
-        return ask(world, scene, palette, index, rows)
-
-    monkeypatch.setattr(AskModels, "_ask", staticmethod(ill))
-    session.play()
-    played(session, 60)
-    (notice,) = session.notices()
-    assert notice.kind == "error" and "entity 1 in tick 7" in notice.text
-    assert session.tick == 7 and not session.playing
-    session.do("remove the ill one", [RemoveAnimals(6, 8, 30)])
-    session.play()
-    assert played(session, 60) == 32
 
 
 def test_an_unknown_branch_is_said(session):

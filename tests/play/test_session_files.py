@@ -4,7 +4,6 @@ import errno
 import os
 import re
 import shutil
-import subprocess
 
 import pytest
 from flockbrush.behaviours.brush import shipped
@@ -16,7 +15,7 @@ from flockbrush.levels.reader import read_level
 from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter
 from flockbrush.systems.edits import DrawGuide, MarkSpawn
 from flockbrush.systems.palette import Palette
-from small_pasture import by_hand, pasture, straight_run, stroke, texts, verified
+from small_pasture import pasture, stroke, texts, verified
 
 from flockbrush.cli.main import called
 from flockbrush.studio.history import History
@@ -75,22 +74,6 @@ def test_animals_that_come_back_are_the_same_animals(session):
     assert len(session.moment) == 9
     session.redo()
     assert session.moment.ids.tolist() == ids.tolist() and (session.moment.xyz == xyz).all()
-
-
-def test_undo_while_time_goes_on_is_the_run_of_these_edits(session, level):
-    session.step(3)
-    session.do("rock", [rock(session.editor.new_id())])
-    session.step(3)
-    session.undo()
-    session.step(3)
-    session.redo()
-    session.step(3)
-    session.do("remove", [RemoveAnimals(6, 8, 2)])
-    session.step(2)
-    session.undo()
-    session.step(6)
-    assert len(session.moment) == 9 and texts(session) == []
-    assert session.timeline.current.hashes == straight_run(level, by_hand(session), 20)
 
 
 def test_undo_in_the_past_is_another_course_of_events(session):
@@ -292,23 +275,6 @@ def test_a_full_disk_loses_nothing(session, level, monkeypatch, where):
     assert session.save() and read_level(level)
 
 
-def test_a_disk_that_is_really_full_loses_nothing(session, tmp_path):
-    small = tmp_path / "small"
-    small.mkdir()
-    if (
-        not shutil.which("mount")
-        or subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", small], capture_output=True, check=False
-        ).returncode
-    ):
-        pytest.skip("no small disk can be mounted here")
-    try:
-        assert session.save(small / "walk.tmj") is False
-        assert "your changes are kept in this window" in texts(session)[0] and session.path.name == "pasture.tmj"
-    finally:
-        subprocess.run(["umount", small], check=True)
-
-
 # other programs -----------------------------------------------------------------------------
 
 
@@ -405,10 +371,10 @@ def test_a_run_and_its_branches_are_recorded_where_one_says(level, tmp_path):
 def test_where_a_recording_begins_its_size_is_said(level, tmp_path, monkeypatch):
     session = Session.open(level, record=tmp_path / "walk.flock", state_folder=tmp_path / "state")
     (said,) = [text for text in texts(session) if "walk.flock" in text]
-    session.step(round(60 / session.simulation.clock.dt))
+    session.step(round(20 / session.simulation.clock.dt))
     session.close()
     megabytes = float(re.search(r"about (\S+) MB per minute", said)[1])
-    assert megabytes == pytest.approx((tmp_path / "walk.flock").stat().st_size / 1e6, rel=0.5)
+    assert megabytes == pytest.approx(3 * (tmp_path / "walk.flock").stat().st_size / 1e6, rel=0.5)
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: shutil._ntuple_diskusage(0, 0, round(5e6 * megabytes)))
     session = Session.open(level, record=tmp_path / "run.flock", state_folder=tmp_path / "state")
     assert "the disk has room for 5 minutes" in texts(session)[-1]

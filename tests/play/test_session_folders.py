@@ -31,7 +31,7 @@ def crashed_with_work(level, state):
     session.do("paint", [stroke("march", 8, 8, 2)])
     session.step(2)
     crashed(session)
-    return session._shelter.folder
+    return session._recovery.folder
 
 
 def aged(folder, seconds=1.0):
@@ -135,7 +135,7 @@ def test_what_was_recovered_is_in_the_trash_too(level, state):
 
 def test_files_that_one_puts_into_the_folder_of_a_session_stay(level, state):
     session = Session.open(level, state_folder=state)
-    folder = session._shelter.folder
+    folder = session._recovery.folder
     (folder / "notes.txt").write_text("mine")
     session.close()
     assert [path.name for path in folder.iterdir()] == ["notes.txt"]

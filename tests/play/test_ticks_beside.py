@@ -9,9 +9,9 @@ from flockbrush.systems.steer import AskModels, NotFinite
 from small_pasture import by_hand, pasture, straight_run, stroke, verified
 from window import Window
 
-from flockbrush.render.asked_about import AskedAbout
+from flockbrush.render.explanation_cache import ExplanationCache
 from flockbrush.studio.session import Session
-from flockbrush.studio.ticks_beside import Beside, Lived
+from flockbrush.studio.ticks_beside import BackgroundWork, TickResult
 
 FRAME = 1 / 60  # s
 TICK = 1 / 32
@@ -190,19 +190,19 @@ def test_any_other_error_is_raised_once_and_the_session_goes_on(session, monkeyp
 
 
 def test_one_piece_of_work_runs_at_a_time():
-    beside = Beside()
+    beside = BackgroundWork()
     go_on = threading.Event()
-    beside.begin(lambda: Lived(int(go_on.wait(NEVER)), None, None))
+    beside.begin(lambda: TickResult(int(go_on.wait(NEVER)), None, None))
     with pytest.raises(RuntimeError, match="one piece of work at a time"):
-        beside.begin(lambda: Lived(2, None, None))
+        beside.begin(lambda: TickResult(2, None, None))
     assert beside.busy and not beside.is_done(0.0)
     go_on.set()
-    assert beside.take() == Lived(1, None, None) and not beside.busy and beside.is_done(0.0)
+    assert beside.take() == TickResult(1, None, None) and not beside.busy and beside.is_done(0.0)
 
 
 def test_of_an_animal_the_last_answer_holds_while_a_tick_runs(session):
     session.step(2)
-    asked = AskedAbout(session.simulation)
+    asked = ExplanationCache(session.simulation)
     known, other = session.moment.ids[:2].tolist()
     told = asked.of(known)
     asked.held = True

@@ -48,43 +48,6 @@ def state(timeline):
     return state_hash(timeline.simulation.world)
 
 
-def test_a_sheep_seen_again_stands_where_it_stood(timeline):
-    seen = {}
-    for _ in range(20):
-        seen[timeline.tick] = timeline.simulation.agents[Position.xyz].copy()
-        timeline.step()
-    for tick in (13, 2, 19, 0, 8, 7):
-        assert timeline.go_to(tick) and timeline.tick == tick
-        assert np.array_equal(timeline.simulation.agents[Position.xyz], seen[tick])
-    assert timeline.current.last_tick == 20
-
-
-def test_looking_back_changes_nothing_of_what_comes(timeline, level):
-    lived(timeline, 12)
-    timeline.go_to(3)
-    timeline.go_to(12)
-    lived(timeline, 12)
-    assert timeline.current.hashes == straight_run(level, [], 24)
-
-
-def test_what_was_done_is_done_again_when_one_passes_by(timeline, level):
-    lived(timeline, 5)
-    timeline.perform([AddAnimals("march", 4, 4, 2, 3, "sheep")])
-    lived(timeline, 5)
-    assert len(timeline.simulation.agents) == 12
-    timeline.go_to(4)
-    assert len(timeline.simulation.agents) == 9
-    timeline.go_to(5)  # the state at a tick has what was done there
-    assert len(timeline.simulation.agents) == 12
-    timeline.go_to(7)  # not twice
-    assert len(timeline.simulation.agents) == 12 and timeline.current.differs is None
-    timeline.go_to(10)
-    assert len(timeline.simulation.agents) == 12 and timeline.current.differs is None
-    lived(timeline, 3)
-    assert [tick for tick, _ in timeline.current.commands] == [5, 8]  # and the script spoke once
-    assert timeline.current.hashes == straight_run(level, by_hand_of(timeline), 13)
-
-
 def by_hand_of(timeline):
     script = [entry[:2] for entry in timeline.current.script]
     return [entry for entry in timeline.current.commands if entry not in script]
@@ -137,20 +100,6 @@ def test_a_branch_leaves_the_old_future_as_it_was(timeline, level):
     assert timeline.current.hashes == straight_run(level, [(6, PaintBrush("swarm", 8, 8, 4))], 15)
 
 
-def test_a_branch_before_the_script_still_follows_it(timeline, level):
-    lived(timeline, 10).go_to(5)  # the script speaks at tick 8
-    timeline.fork()
-    lived(timeline, 7)
-    assert timeline.current.hashes == straight_run(level, [], 12)
-
-
-def test_a_script_speaks_once_also_in_a_branch_that_leaves_there(timeline):
-    lived(timeline, 10).go_to(8)
-    timeline.fork()
-    lived(timeline, 3)
-    assert [tick for tick, _ in timeline.current.commands] == [8]
-
-
 def test_a_branch_that_was_given_up_leaves_no_trace(timeline):
     lived(timeline, 10)
     timeline.go_to(4)
@@ -173,11 +122,6 @@ def test_a_new_beginning_is_another_branch(timeline, level):
     assert timeline.current.hashes == straight_run(level, [], 3, seed=99)
     timeline.switch("pasture")
     assert timeline.tick == 9 and timeline.moved == ["all"]
-
-
-def test_who_is_unknown_cannot_be_switched_to(timeline):
-    with pytest.raises(LookupError, match="no branch 'left'; available: pasture"):
-        timeline.switch("left")
 
 
 def test_a_long_way_can_be_gone_in_pieces(timeline):
@@ -325,7 +269,7 @@ def test_a_recording_of_many_animals_has_as_many_moments_as_one_made_without_a_w
     timeline = new_timeline(level, monkeypatch, folder=tmp_path)
     timeline.perform([AddAnimals("march", 4, 4, 2, 9, "sheep")])
     lived(timeline, 40)
-    simulation = running.rebuild(open_recording(timeline.current.scribe.path))
+    simulation = running.rebuild(open_recording(timeline.current.recorder.path))
     recorder = running.record(tmp_path / "headless.flock", simulation)
     simulation.submit(AddAnimals("march", 4, 4, 2, 9, "sheep"))
     for _ in range(40):

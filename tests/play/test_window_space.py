@@ -3,20 +3,10 @@
 import numpy as np
 import pygame
 import pytest
-from small_pasture import pasture
 from window import Window
 
 from flockbrush.render.orbit import OrbitCamera
 from flockbrush.render.view_camera import ViewCamera
-
-
-@pytest.fixture
-def window(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    window = Window(pasture(tmp_path, script=False))
-    window.set_size(1.5)
-    yield window
-    window.close()
 
 
 @pytest.fixture
@@ -168,18 +158,6 @@ def test_the_view_follows_the_herd_in_space_and_on_the_plan(flock):
         moved = np.subtract(middle(flock.canvas.camera), middle(camera))
         assert np.hypot(*(now - place)) > 1 and np.allclose(moved, now - place, atol=0.2)
         flock.key("3")
-
-
-def test_a_level_of_birds_opens_with_all_of_them_in_the_middle(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    window = Window("skein", size=(1280, 720))
-    window.frames(2)
-    canvas = window.canvas
-    at = canvas.camera.pixels(np.column_stack([canvas.herd.xy, canvas.herd.z]))
-    window.close()
-    low, high, size = at.min(axis=0), at.max(axis=0), np.array(canvas.rect.size)
-    assert (low > 0.03 * size).all() and (high < 0.97 * size).all()
-    assert abs(low[0] + high[0] - size[0]) < 0.1 * size[0] and high[0] - low[0] > 0.6 * size[0]
 
 
 def test_home_shows_the_whole_map_and_z_the_herd(flock):

@@ -5,8 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from flockbrush.components import Heading, Position
-from flockbrush.engine import parallel
-from flockbrush.engine.parallel import set_threads
 from flockbrush.systems.contact import move
 from flockbrush.systems.contact_candidates import contacts_within
 from flockbrush.systems.grid import sort_into_cells
@@ -330,23 +328,6 @@ def test_a_crush_as_a_whole_is_not_pushed_by_the_order_in_which_it_is_looked_at(
     apart_now = other.xyz[:, :2] @ change - one.xyz[:, :2]
     assert np.hypot(*apart_now.T).mean() < 0.05  # m, after 0.6 m of way
     assert np.abs(apart_now.mean(0)).max() < 0.01
-
-
-def test_the_number_of_threads_changes_no_bit(monkeypatch):
-    monkeypatch.setattr(parallel, "WORTH", 0)  # share the work however little it is
-    xy, heading = scattered(2500, 60, 31)
-    results = []
-    before = set_threads(1)
-    try:
-        for threads in (1, 2, 3):
-            set_threads(threads)
-            c = crowd(xy, heading, speed=3.0)
-            for _ in range(4):
-                tick(c, to(c, 30, 30))
-            results.append((c.xyz.tobytes(), c.forward.tobytes()))
-    finally:
-        set_threads(before)
-    assert results[0] == results[1] == results[2]
 
 
 size, shape = st.sampled_from([0.3, 1.0, 2.0]), st.sampled_from([0.1, 0.25, 0.5])

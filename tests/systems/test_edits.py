@@ -14,7 +14,6 @@ from flockbrush.systems.commands import (
     MoveGoal,
     RemoveAnimals,
     SendTo,
-    SetParameter,
     SwitchBrush,
 )
 from flockbrush.systems.edits import (
@@ -354,12 +353,3 @@ def test_who_finds_another_in_its_place_stands_beside_it():
     assert gaps_of(simulation).min() > -1e-6
     assert not inside_polygon(xy_of(simulation), box(9, 10.3, 10, 11)).any()
     simulation.run(5)
-
-
-def test_everybody_gets_the_brush_back_that_was_its_own():
-    simulation = scene()
-    before = settled(simulation)
-    back = do(simulation, SwitchBrush("run"), SetParameter("run", "cohesion_weight", 0.9), SendTo("well"))
-    simulation.run(3)
-    do(simulation, *back)
-    assert settled(simulation) == before

@@ -28,7 +28,9 @@ MODELS = ["herd", "flee", "hunt", "boids", "raptor", "v_rules", "line_formation"
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("more", [{}, {"wander": 2.0}, {"unled": "keep"}, {"leader_blend": 0.4}], ids=str)
+@pytest.mark.parametrize(
+    "more", [{}, {"wander": 2.0}, {"unled": "keep"}, {"leader_blend": 0.4}, {"turn_bias": 1.0}], ids=str
+)
 @pytest.mark.parametrize("model", EXPLAINED, ids=lambda model: model.name)
 def test_the_reasons_add_up_to_the_wish(model, more, seed):
     if more.keys() - model.Params.model_fields.keys():

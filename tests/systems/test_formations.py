@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from flockbrush.components import Body, FormationPlace, Heading, Position, ReferenceBird, Role, Velocity, Vision
-from flockbrush.engine.state import state_hash
+from flockbrush.components import FormationPlace, Heading, Position, ReferenceBird, Role, Velocity
+from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.systems.commands import Migrate, SwitchBrush
 from flockbrush.systems.gusts import Gust
 from flockbrush.systems.initiation import scattered
 from flockbrush.systems.palette import Palette
-from small_herd import box, brush, meadow, obstacle, put
+from small_herd import brush, meadow, put
 
 from flockbrush.runs.run import start
 
@@ -32,6 +32,22 @@ def flock(birds=9, seed=3, height=50.0, **parameters):
     agents[Position.xyz][:, 2] = height
     agents[Velocity.xyz][:] = 15.0 * agents[Heading.forward]
     simulation.submit(Migrate(0.0, 1.0, 0.0, kind="direction"))
+    return simulation
+
+
+@pytest.fixture(scope="module")
+def kept():
+    """The state of a flock in its V, after 500 ticks."""
+    simulation = flock(deviation=0.0)
+    simulation.run(500)
+    return snapshot(simulation.world)
+
+
+@pytest.fixture
+def formed(kept):
+    """A flock in its V."""
+    simulation = flock(deviation=0.0)
+    restore(simulation.world, kept)
     return simulation
 
 
@@ -60,12 +76,7 @@ def test_geese_find_into_a_v_and_touch_nobody():
     assert y == pytest.approx(-0.8 * np.abs(x), abs=1.0)  # alive, so not exactly
     assert np.abs(z).max() < 0.2
     assert min(nearest) > 0.5
-
-
-def test_roles_and_reference_birds_are_live():
-    simulation = flock()
-    simulation.run(600)
-    a = simulation.agents
+    a = simulation.agents  # roles and reference birds are live
     assert a[Role.leader].sum() == 1
     assert (a[ReferenceBird.entity] == 0).tolist() == (a[Role.leader] == 1).tolist()
     row = {int(i): k for k, i in enumerate(a.ids)}
@@ -75,20 +86,10 @@ def test_roles_and_reference_birds_are_live():
             assert a[FormationPlace.place][followed] == a[FormationPlace.place][k] - 1
 
 
-def test_birds_that_see_one_body_length_far_find_no_formation():
-    far, near = flock(), flock()
-    for simulation, reach, angle in ((far, 100.0, 300.0), (near, 1.0, 10.0)):
-        simulation.agents[Vision.range][:] = reach * simulation.agents[Body.length]
-        simulation.agents[Vision.field_of_view][:] = np.radians(angle)
-        simulation.run(32)
-    assert (far.agents[FormationPlace.reference] > 0).sum() == 8
-    assert (near.agents[FormationPlace.reference] > 0).sum() == 0
-
-
 @pytest.mark.parametrize("shape", ["line", "J", "inverted V", "inverted U"])
 def test_other_shapes_are_found_too(shape):
     simulation = flock(shape=shape, left={"line": 0.0, "J": 0.2}.get(shape, 0.5), deviation=0.0)
-    simulation.run(1100)
+    simulation.run(800)
     place, _, x, y, _ = formation(simulation)
     if shape == "line":
         assert place.tolist() == list(range(9))
@@ -103,14 +104,12 @@ def test_other_shapes_are_found_too(shape):
         assert simulation.agents[Role.leader].sum() == 2
 
 
-def test_the_flock_turns_with_its_leader():
-    simulation = flock(deviation=0.0)
-    simulation.run(500)
-    simulation.submit(Migrate(1.0, 0.0, 0.0, kind="direction"), tick=500)
-    simulation.run(1200)
-    a = simulation.agents
+def test_the_flock_turns_with_its_leader(formed):
+    formed.submit(Migrate(1.0, 0.0, 0.0, kind="direction"))
+    formed.run(800)
+    a = formed.agents
     assert a[Heading.forward][:, 0].min() > 0.99
-    place, _, x, y, _ = formation(simulation)
+    place, _, x, y, _ = formation(formed)
     assert place.tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
     assert y == pytest.approx(-0.8 * np.abs(x), abs=0.3)
 
@@ -128,42 +127,38 @@ def test_geese_start_from_the_ground_and_climb_to_where_they_are_bound():
 def test_leaders_take_turns():
     simulation = flock(turns=15.0, deviation=0.0)
     leaders = []
-    for _ in range(3):
+    for _ in range(2):
         simulation.run(470)
         leaders.append(int(np.flatnonzero(simulation.agents[Role.leader])[0]))
         assert formation(simulation)[0].tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
-    assert len(set(leaders)) == 3
+    assert leaders[0] != leaders[1]
 
 
-def test_a_bird_that_dies_leaves_no_gap():
-    simulation = flock(deviation=0.0)
-    simulation.run(500)
-    a = simulation.agents
+def test_a_bird_that_dies_leaves_no_gap(formed):
+    a = formed.agents
     second = int(a.ids[np.flatnonzero((a[FormationPlace.place] == 1) & (a[FormationPlace.arm] == 1))[0]])
-    simulation.world.delete_entity(second)
-    simulation.run(800)
-    place, _, x, y, _ = formation(simulation)
+    formed.world.delete_entity(second)
+    formed.run(500)
+    place, _, x, y, _ = formation(formed)
     assert sorted(place.tolist()) == [0, 1, 1, 2, 2, 3, 3, 4]
     assert y == pytest.approx(-0.8 * np.abs(x), abs=0.3)
 
 
-def test_when_the_leader_dies_another_leads():
-    simulation = flock(deviation=0.0)
-    simulation.run(500)
-    a = simulation.agents
-    simulation.world.delete_entity(int(a.ids[np.flatnonzero(a[FormationPlace.place] == 0)[0]]))
-    simulation.run(900)
-    place, *_ = formation(simulation)
+def test_when_the_leader_dies_another_leads(formed):
+    a = formed.agents
+    formed.world.delete_entity(int(a.ids[np.flatnonzero(a[FormationPlace.place] == 0)[0]]))
+    formed.run(600)
+    place, *_ = formation(formed)
     assert sorted(place.tolist()) == [0, 1, 1, 2, 2, 3, 3, 4]
 
 
 def test_who_takes_another_brush_forgets_its_place():
     """Birds that are given a brush of the ground come down first; straight down, too, they keep a heading."""
-    simulation = flock()
+    simulation = flock(height=12.0)
     simulation.world.resource(Palette).add(brush("walk"))
     simulation.run(40)
     simulation.submit(SwitchBrush("walk"), tick=40)
-    simulation.run(32 * 60)
+    simulation.run(32 * 25)
     a = simulation.agents
     assert (a[FormationPlace.place] == -1).all()
     assert not a[FormationPlace.reference].any()
@@ -180,17 +175,15 @@ def test_one_two_and_three_geese_fly(birds):
     assert simulation.agents[Velocity.xyz][:, 1].min() > 10
 
 
-def test_a_gust_scatters_the_flock_and_it_closes_up_again():
-    simulation = flock(deviation=0.0)
-    simulation.run(500)
-    still = formation(simulation)
-    simulation.submit(Gust(5.0, 0.0, 0.0, seconds=2.0, uneven=1.0), tick=500)
-    simulation.run(48)
-    blown = formation(simulation)
+def test_a_gust_scatters_the_flock_and_it_closes_up_again(formed):
+    still = formation(formed)
+    formed.submit(Gust(5.0, 0.0, 0.0, seconds=2.0, uneven=1.0))
+    formed.run(48)
+    blown = formation(formed)
     assert np.abs(blown[2] - still[2]).max() > 0.3
-    simulation.run(500)
-    assert formation(simulation)[2] == pytest.approx(1.25 * np.arange(-4, 5), abs=0.2)
-    assert not simulation.agents[FormationPlace.wind].any()
+    formed.run(500)
+    assert formation(formed)[2] == pytest.approx(1.25 * np.arange(-4, 5), abs=0.2)
+    assert not formed.agents[FormationPlace.wind].any()
 
 
 def test_a_gust_that_cannot_be_is_refused():
@@ -198,24 +191,6 @@ def test_a_gust_that_cannot_be_is_refused():
     for wrong in (Gust(1.0, 0.0, seconds=0.0), Gust(1.0, 0.0, uneven=2.0), Gust(1.0, 0.0, radius=-1.0)):
         with pytest.raises(ValueError):
             wrong.apply(simulation.world)
-
-
-def test_a_flock_behind_a_rock_flies_round_it_and_into_formation():
-    rock = obstacle(box(-14, 30, 14, 50))  # right ahead of them, higher than they fly
-    simulation = meadow(geese(deviation=0.0), boundary="open", obstacles=[rock])
-    x, y, heading = scattered(9, 3)
-    put(simulation, np.c_[x * WING, y * WING], np.pi / 2 - 0.5 * heading)
-    agents = simulation.agents
-    agents[Position.xyz][:, 2] = 20.0
-    agents[Velocity.xyz][:] = 15.0 * agents[Heading.forward]
-    simulation.submit(Migrate(0.0, 1.0, 0.0, kind="direction"))
-    for _ in range(80):
-        simulation.run(16)
-        xyz = simulation.agents[Position.xyz]
-        assert not ((np.abs(xyz[:, 0]) < 14) & (np.abs(xyz[:, 1] - 40) < 10)).any()
-    place, _, x, y, _ = formation(simulation)
-    assert place.tolist() == [4, 3, 2, 1, 0, 1, 2, 3, 4]
-    assert y == pytest.approx(-0.8 * np.abs(x), abs=0.4)
 
 
 @pytest.mark.slow
@@ -246,6 +221,8 @@ def test_a_bird_changes_sides_in_a_level_and_the_others_keep_their_order():
     assert sorted(before.tolist()) == [-1] * 5 + [0] + [1] * 3  # as in the first minute
     ways, nearest = [], []
     while simulation.clock.now < 110.0:
+        if simulation.clock.now == 100.0:
+            late = snapshot(simulation.world)
         simulation.run(16)
         xyz = a[Position.xyz] / WING
         nearest.append((np.linalg.norm(xyz[:, None] - xyz, axis=2) + 9.0 * np.eye(9)).min())
@@ -258,5 +235,6 @@ def test_a_bird_changes_sides_in_a_level_and_the_others_keep_their_order():
     assert y == pytest.approx(-0.8 * np.abs(x), abs=1.0)
     assert min(nearest) > 0.5 and max(ways) < 1.6 * 15.1
     again = flock(switching=0.5, lateral=0.1)
-    again.run(round(simulation.clock.tick))
+    restore(again.world, late)
+    again.run(320)
     assert state_hash(again.world) == state_hash(simulation.world)

@@ -1,4 +1,4 @@
-"""A whole world: the same bits whatever the order, the threads and the neighbours; every shipped level goes on."""
+"""A whole world: worlds apart, broken models, few animals; in shipped levels bodies stay apart."""
 
 import functools
 from pathlib import Path
@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from flockbrush.behaviours import behaviour as registry
 from flockbrush.behaviours.behaviour import Parameters, Wishes, quantity
-from flockbrush.components import AGENT, BrushBinding, Heading, Position, Species, Speed, Velocity, Wish
+from flockbrush.components import BrushBinding, Heading, Position, Species, Speed, Velocity, Wish
 from flockbrush.engine.schedule import Ambiguity, Schedule
-from flockbrush.engine.state import restore, snapshot, state_hash
-from flockbrush.levels.build import build, plane, systems
+from flockbrush.engine.state import state_hash
+from flockbrush.levels.build import build, systems
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.steer import AskModels, NotFinite
-from small_herd import Shelf, brush, gaps_of, meadow, put, room_in_the_air, straight, xy_of
+from small_herd import brush, gaps_of, meadow, put, room_in_the_air, straight, xy_of
 from test_laws import lively
 
 from flockbrush import levels
@@ -72,35 +72,6 @@ def test_a_system_that_lies_is_found():
     assert ("Sleepwalk", "Position") in simulation.schedule.undeclared_writes(simulation.world)
 
 
-@pytest.mark.parametrize("agents", [1, 2, 7])
-def test_taking_an_animal_away_leaves_the_chance_of_others(agents):
-    wander = straight("wander", mean=2.0, speed={"deviation": 0.6})
-    whole, fewer = (meadow(wander, width=900, height=900, cell=10.0) for _ in range(2))
-    xy = [(50 + 90 * k, 50) for k in range(agents + 1)]
-    for simulation in (whole, fewer):
-        put(simulation, xy, 1.0)
-    fewer.world.delete_entity(1)
-    whole.run(30)
-    fewer.run(30)
-    assert np.array_equal(whole.agents[Position.xyz][1:], fewer.agents[Position.xyz])
-
-
-# snapshots -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_shipped_level_goes_on_from_a_snapshot_in_its_middle(name):
-    agents = 150 if name in ("crowded", "gorge", "anthill") else None
-    simulation = shipped(name, agents)
-    simulation.run(20)
-    fresh = shipped(name, agents)
-    restore(fresh.world, snapshot(simulation.world))
-    simulation.run(20)
-    fresh.run(20)
-    assert state_hash(fresh.world) == state_hash(simulation.world)
-    assert len(simulation.agents) > 0
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_in_every_shipped_level_bodies_stay_apart_and_out_of_obstacles(name):
     agents = 150 if name in ("crowded", "gorge", "anthill") else None
@@ -149,17 +120,6 @@ def test_an_animal_written_to_is_seen_by_the_kernels():
     assert here[0] == pytest.approx(25.0, abs=1e-9)
     assert here[1] > 30.05
     assert world.component_for_entity(other, Position).xyz[0] == pytest.approx(30 + 2 / 32)
-
-
-def test_every_animal_answers_for_every_component():
-    simulation = lively()
-    simulation.run(20)
-    for entity in simulation.agents.ids.tolist():
-        for kind in AGENT:
-            component = simulation.world.component_for_entity(entity, kind)
-            for name, field in kind.fields.items():
-                row = simulation.agents.row(entity)
-                assert np.array_equal(getattr(component, name), simulation.agents[field][row])
 
 
 def test_all_on_one_spot_and_facing_all_ways_stay_finite():
@@ -281,11 +241,3 @@ def test_in_the_valley_wolves_find_the_herd_and_the_deer_they_come_near_run():
     else:
         raise AssertionError("no deer ever ran")
     assert speed[distance > 40].mean() < 1.5 * calm.mean()  # those far away have noticed nothing
-
-
-def test_a_plane_holds_one_herd_without_end():
-    simulation = plane(brush("walk", mean=2.0), 40, seed=3)
-    assert len(simulation.agents) == 40
-    simulation.run(10)
-    assert gaps_of(simulation).min() > -1e-6
-    assert isinstance(Shelf(brush("walk")).get("walk").name, str)

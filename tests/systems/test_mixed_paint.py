@@ -67,15 +67,15 @@ def test_a_path_that_is_none_is_refused(line, said):
 def test_opacity_moves_all_animals_part_of_the_way():
     simulation = herd(layer(weight=0.25))
     simulation.tick()
-    assert set(names_of(simulation)) == {step_name("walk", "run", 2)}
+    assert set(names_of(simulation)) == {step_name("walk", "run", STEPS // 4)}
     assert simulation.world.resource(Palette).brushes[simulation.agents[BrushBinding.brush][0]].speed.mean == 2.0
 
 
 def test_between_two_steps_as_many_animals_are_a_step_further_as_the_weight_says():
-    simulation = herd(layer(weight=0.3))
+    simulation = herd(layer(weight=(STEPS // 4 + 0.4) / STEPS))
     simulation.tick()
     names, counts = np.unique(names_of(simulation), return_counts=True)
-    assert list(names) == [step_name("walk", "run", 2), step_name("walk", "run", 3)]
+    assert list(names) == [step_name("walk", "run", STEPS // 4), step_name("walk", "run", STEPS // 4 + 1)]
     assert counts[1] / counts.sum() == pytest.approx(0.4, abs=0.08)
 
 
@@ -103,7 +103,7 @@ def test_a_zone_has_a_strength_and_unlike_models_fall_back_to_a_share():
     bounds = PaintBounds(blend="mix", strength=0.5, medium="any")
     simulation = herd(zones=[Zone(1, "half", box(0, 0, 40, 40), "run", np.inf, 1.0, 0.5, bounds=bounds)])
     simulation.tick()
-    assert set(names_of(simulation)) == {step_name("walk", "run", 4)}
+    assert set(names_of(simulation)) == {step_name("walk", "run", STEPS // 2)}
     simulation = herd(layer("flock", 0.5, bounds))
     assert not (simulation.world.resource(Palette).mixes[0] >= 0).any()
     simulation.tick()
@@ -118,14 +118,14 @@ def test_the_uppermost_mixes_with_what_covers_below():
     simulation = meadow(WALK, RUN, third, brush_layers=[below, BrushLayer("brush 2", 0.5, ["third"], index, MIX)])
     put(simulation, (20, 20), brush="walk")
     simulation.tick()
-    assert list(names_of(simulation)) == [step_name("run", "third", 4)]
+    assert list(names_of(simulation)) == [step_name("run", "third", STEPS // 2)]
 
 
 def test_tuning_a_brush_and_taking_it_back_reaches_the_brushes_between():
     simulation = herd(layer(weight=0.5), many=3)
     simulation.tick()
     palette = simulation.world.resource(Palette)
-    middle = palette.index[step_name("walk", "run", 4)]
+    middle = palette.index[step_name("walk", "run", STEPS // 2)]
     before = state_hash(simulation.world)
     queue = simulation.world.resource(Commands)
     back = queue.perform(simulation.world, [SetParameter("run", "max_turn", 4.0)])
@@ -159,13 +159,13 @@ def test_a_zone_of_a_running_world_mixes_once_it_has_the_brushes_between():
     assert len(palette) == count and state_hash(simulation.world) == before
     queue.perform(simulation.world, [MixBrush("run", {}), zone(0.5)])
     simulation.tick()
-    assert set(names_of(simulation)) == {step_name("walk", "run", 4)}
+    assert set(names_of(simulation)) == {step_name("walk", "run", STEPS // 2)}
     back = queue.perform(simulation.world, [zone(0.25)])
     simulation.tick()
-    assert set(names_of(simulation)) == {step_name("walk", "run", 2)}
+    assert set(names_of(simulation)) == {step_name("walk", "run", STEPS // 4)}
     queue.perform(simulation.world, back)
     simulation.tick()
-    assert set(names_of(simulation)) == {step_name("walk", "run", 4)}
+    assert set(names_of(simulation)) == {step_name("walk", "run", STEPS // 2)}
     queue.perform(simulation.world, [UnmixBrush("run", [])])
     assert "run" in palette.over  # animals and the zone still have them
 
@@ -179,7 +179,7 @@ def test_a_live_mix_goes_on_from_its_state_by_its_measured_path():
     one.run(8)
     palette, saved = two.world.resource(Palette), snapshot(one.world)
     restore(two.world, saved)
-    assert palette.mean[palette.named(step_name("walk", "run", 4))] == pytest.approx(1.4)
+    assert palette.mean[palette.named(step_name("walk", "run", STEPS // 2))] == pytest.approx(1.4)
     for world in (one.world, two.world):  # what comes later is mixed on the same path
         world.resource(Commands).perform(world, [SetParameter("run", "max_turn", 4.0)])
     one.run(8)

@@ -40,18 +40,6 @@ def test_a_herd_that_crosses_the_seam_moves_as_in_the_middle_of_the_map(shift):
     assert (np.ptp(here, axis=0) > (WIDE / 2, HIGH / 2)).any()  # it really stands on the seam
 
 
-def test_two_on_both_sides_of_the_seam_see_each_other_and_do_not_overlap():
-    attract = brush(mean=1.5, cohesion_weight=1.0, avoidance_weight=0.0, leader_neighbours=-1, max_turn=50.0)
-    simulation = meadow(attract, width=WIDE, height=HIGH, boundary="wrap", cell=2.0)
-    put(simulation, [(1.0, 12.0), (WIDE - 1.0, 12.0)], [np.pi / 2, np.pi / 2])
-    start = 2.0
-    closest = start
-    for _ in range(200):
-        simulation.tick()
-        closest = min(closest, np.hypot(*unwrapped(np.diff(xy_of(simulation), axis=0)[0])))
-    assert 0.39 < closest < 1.3  # they came together across the seam
-
-
 @pytest.mark.parametrize("speed", [5.0, 60.0])
 def test_the_fast_do_not_run_through_one_another_across_the_seam(speed):
     run = straight(mean=speed)

@@ -20,7 +20,7 @@ from benchmarks.pairs import Pair, all_pairs, draw_level, run_alone, things
 from benchmarks.pairs_watch import Watch
 from flockbrush.runs.run import start
 
-SEED, SAMPLE = 14, 10  # pairs
+SEED, SAMPLE = 14, 4  # pairs
 
 
 def watched():

@@ -5,11 +5,10 @@ import pytest
 from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
 from flockbrush.components import Heading
 from flockbrush.systems.fauna import SpeciesList
-from flockbrush.systems.grid import sort_into_cells
-from flockbrush.systems.hidden_points import visible_by_hpr
 from flockbrush.systems.senses import FindNeighbours, See, SeeInSpace, Sight, SightInSpace
 from scipy.spatial import Delaunay
 from small_herd import boids, brush, meadow, put, put_aloft
+from test_hidden_points import by_qhull
 
 
 def scattered(count=40, seed=5):
@@ -56,13 +55,13 @@ def test_voronoi_sight_takes_the_first_shell_as_delaunay_has_it():
     assert seen(herd("voronoi", xy, occlusion=False)) == shells
 
 
-def test_hidden_points_are_those_of_the_removal():
+def test_hidden_points_are_the_corners_of_the_flipped_hull():
     xy = scattered()
-    n = len(xy)
-    xyz, forward = np.column_stack([xy, np.zeros(n)]), np.tile((1.0, 0.0, 0.0), (n, 1))
-    cells = sort_into_cells(xyz, forward, np.ones(n), np.full(n, 0.2), 60.0, None, None)
-    lists = visible_by_hpr(cells, np.full(n, 60.0), np.full(n, -1.0))
-    assert seen(herd("hidden_points", xy)) == [sorted(lists.of(i).tolist()) for i in range(n)]
+    expected = []
+    for me in range(len(xy)):
+        others = np.delete(np.arange(len(xy)), me)
+        expected.append(others[by_qhull(xy[others] - xy[me])].tolist())
+    assert seen(herd("hidden_points", xy)) == expected
 
 
 def test_two_brushes_side_by_side_perceive_each_in_its_own_way():

@@ -47,7 +47,7 @@ def brute(xyz, forward, reach, cosine, through, radius, solids, wrap):
 
 def all_round(n, reach, through, radius):
     """The eyes of n animals who see all round."""
-    return EyesInSpace(np.full(n, reach), np.full(n, -1.0), np.full(n, through), np.full(n, radius))
+    return EyesInSpace(np.full(n, reach), np.full(n, -1.0), np.full(n, through, np.uint8), np.full(n, radius))
 
 
 @settings(max_examples=60)

@@ -33,14 +33,14 @@ class Csv(Exporter):
     def take(self, moment):
         import numpy as np
 
-        from flockbrush.output.trajectory_table import table_of
+        from flockbrush.output.trajectory_table import quoted, table_of
 
         table, words = table_of(self.simulation, moment, self.frames)
         for name in ("x", "y", "z", "vx", "vy", "vz", "heading", "speed"):
             table[name] = np.round(table[name], 6) + 0.0  # no "-0.000000"
-        for name, said in words.items():
-            quoted = [_quoted(word) for word in said]
-            table[name] = [quoted[k] for k in table[name]]
+        for name, texts in words.items():
+            fields = [quoted(word) for word in texts]
+            table[name] = [fields[k] for k in table[name]]
         columns = [column if isinstance(column, list) else column.tolist() for column in table.values()]
         self._file.writelines(map(self._row.__mod__, zip(*columns, strict=True)))
         self.frames += 1
@@ -54,8 +54,3 @@ class Csv(Exporter):
 
     def let_go(self):
         self._file.close()
-
-
-def _quoted(name):
-    """A name as one field of a CSV."""
-    return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\r\n') else name

@@ -64,9 +64,16 @@ class Sqlite(Exporter):
 
         about = metadata_of(self.simulation, self.fps)
         level = self.simulation.level
-        told = {"version": VERSION, "fps": self.fps, "xmin": 0, "ymin": 0, "xmax": level.width, "ymax": level.height}
-        told |= {f"flockbrush_{key}": value for key, value in about.items() if key != "fps"}
-        self._base.executemany("INSERT INTO metadata VALUES (?, ?)", [(key, str(told[key])) for key in told])
+        metadata = {
+            "version": VERSION,
+            "fps": self.fps,
+            "xmin": 0,
+            "ymin": 0,
+            "xmax": level.width,
+            "ymax": level.height,
+        }
+        metadata |= {f"flockbrush_{key}": value for key, value in about.items() if key != "fps"}
+        self._base.executemany("INSERT INTO metadata VALUES (?, ?)", [(key, str(metadata[key])) for key in metadata])
         self._base.execute("CREATE INDEX frame_id_idx ON trajectory_data(frame, id)")
         self._base.commit()
         self._base.close()

@@ -46,6 +46,7 @@ class Movebank(Exporter):
     def take(self, moment):
         import numpy as np
 
+        from flockbrush.output.trajectory_table import quoted
         from flockbrush.runs.snapshots import words_of
 
         latitude, longitude = place_of(self.options["origin"])
@@ -79,8 +80,3 @@ def place_of(text) -> tuple[float, float]:
     """(latitude, longitude) of "LAT,LON"; ValueError."""
     latitude, longitude = (float(part) for part in text.split(","))
     return latitude, longitude
-
-
-def quoted(text) -> str:
-    """A text as one field of a CSV."""
-    return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\r\n') else text

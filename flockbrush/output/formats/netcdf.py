@@ -79,21 +79,21 @@ class NetCdf(Exporter):
         return {"species": moment.species, "brush": moment.brush, **moment.labels}
 
     def finish(self):
-        from flockbrush.output.trajectory_table import metadata_of
+        from flockbrush.output.trajectory_table import as_attribute, metadata_of
         from flockbrush.runs.snapshots import words_of
 
         self._write()
         names = self._data.createVariable("individuals", str, ("individuals",))
         names[:] = _texts(f"animal_{animal}" for animal in self._rows)
         about = metadata_of(self.simulation, self.fps)
-        told = {
+        attributes = {
             "source_software": "Flockbrush",
             "source_file": "",
             "ds_type": "poses",
             "time_unit": "seconds",
             "log": "",
         }
-        self._data.setncatts(told | {key: _plain(value) for key, value in about.items()})
+        self._data.setncatts(attributes | {key: as_attribute(value) for key, value in about.items()})
         for name, words in words_of(self.simulation).items():
             if name in self._codes:
                 self._codes[name].names = ", ".join(words)
@@ -107,8 +107,3 @@ def _texts(words):
     import numpy as np
 
     return np.array(list(words), dtype=object)
-
-
-def _plain(value):
-    """A value that an attribute can hold."""
-    return str(value) if isinstance(value, int) and abs(value) >= 2**31 else value

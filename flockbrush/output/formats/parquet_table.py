@@ -36,9 +36,9 @@ class Parquet(Exporter):
         pa = self._pa
         table, words = table_of(self.simulation, moment, self.frames)
         arrays = {name: pa.array(table[name]) for name in self._names if name not in words}
-        for name, said in words.items():
+        for name, texts in words.items():
             codes = pa.array(table[name].astype("int32"))
-            arrays[name] = pa.DictionaryArray.from_arrays(codes, pa.array(said, pa.string()))
+            arrays[name] = pa.DictionaryArray.from_arrays(codes, pa.array(texts, pa.string()))
         self._waiting.append(pa.Table.from_arrays([arrays[name] for name in self._names], schema=self._schema))
         self._rows += len(moment)
         self.frames += 1

@@ -22,11 +22,11 @@ class PngSequence(Pictures):
 
     @classmethod
     def problems(cls, path, options):
-        found = super().problems(path, options)
+        problems = super().problems(path, options)
         first = numbered(path, 0)
         if first.exists():
-            found.append(f"{first.name} already exists; choose another name, or an empty folder")
-        return found
+            problems.append(f"{first.name} already exists; choose another name, or an empty folder")
+        return problems
 
     def open(self):
         super().open()

@@ -40,12 +40,12 @@ class UsdScene(Exporter):
 
     @classmethod
     def problems(cls, path, options):
-        found = camera_problems(options)
+        problems = camera_problems(options)
         if options.get("prototype"):
             from flockbrush.output.usd.scene import problems_of
 
-            found += problems_of(options["prototype"])
-        return found
+            problems += problems_of(options["prototype"])
+        return problems
 
     def open(self):
         from flockbrush.levels.build import Simulation

@@ -122,11 +122,11 @@ class Herd:
             name = mesh.parts[k].name if k >= 0 else "body"
             tracks = joints[k]
             rest = {"translation": tracks[0][1], "rotation": unit(tracks[1][1]), "scale": tracks[2][1]}
-            told = {path: values.tolist() for path, values in rest.items() if not np.allclose(values, STILL[path])}
+            changed = {path: values.tolist() for path, values in rest.items() if not np.allclose(values, STILL[path])}
             parent = nodes[mesh.parts[k].parent] if k >= 0 and mesh.parts[k].parent else inner
             if k >= 0 and not mesh.parts[k].parent and mesh.parts[k].kind != "leg":
                 parent = nodes["body"]
-            nodes[name] = self.document.node(name, parent, mesh=self.bodies.part_mesh(look, k, brush), **told)
+            nodes[name] = self.document.node(name, parent, mesh=self.bodies.part_mesh(look, k, brush), **changed)
             for path, (accessor, _) in zip(rest, tracks, strict=True):
                 if accessor is not None:
                     self.document.animate(nodes[name], path, self.times, accessor)

@@ -41,13 +41,13 @@ def write_crowd(document, bodies, records, world, fps):
 
 def fields_of(kind: np.dtype) -> list[dict]:
     """Name, offset in bytes, type and count of each field of a record."""
-    found = []
+    layout = []
     assert kind.names is not None and kind.fields is not None, "a record has fields"
     for name in kind.names:
         part, offset = kind.fields[name][:2]
         count = part.shape[0] if part.shape else 1
-        found.append({"name": name, "offset": offset, "type": NAMES[part.base.str], "count": count})
-    return found
+        layout.append({"name": name, "offset": offset, "type": NAMES[part.base.str], "count": count})
+    return layout
 
 
 def _poses(document, bodies):

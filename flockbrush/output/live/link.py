@@ -78,7 +78,7 @@ class Link:
     greeting : function () -> list of str
         What a new client is told first; called on the server's thread.
     token : str, optional
-        What a client must know; made up unless told.
+        What a client must know; made up by default.
     """
 
     def __init__(self, host, port, greeting, token=None):
@@ -188,7 +188,7 @@ class Link:
             return connection.respond(HTTPStatus.UNAUTHORIZED, text)
         if len(self.clients) >= limits.LIVE_CLIENTS:
             return connection.respond(
-                HTTPStatus.SERVICE_UNAVAILABLE, f"the maximum of {limits.LIVE_CLIENTS.told} is reached\n"
+                HTTPStatus.SERVICE_UNAVAILABLE, f"the maximum of {limits.LIVE_CLIENTS.text} is reached\n"
             )
         return None
 
@@ -236,7 +236,7 @@ class Link:
         except RequestError as error:
             client.tell(json.dumps({"type": "error", "id": error.id, "message": str(error)}))
         except queue.Full:
-            text = f"{limits.LIVE_WAITING.told} are already waiting; send fewer requests"
+            text = f"{limits.LIVE_WAITING.text} are already waiting; send fewer requests"
             client.tell(json.dumps({"type": "error", "id": request.id, "message": text}))
 
 

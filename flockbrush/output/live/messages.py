@@ -41,20 +41,20 @@ def read_request(message) -> Request:
     if not isinstance(message, str):
         raise RequestError("a request must be a text message with JSON, got bytes")
     try:
-        asked = json.loads(message, parse_constant=_no_number)
+        request = json.loads(message, parse_constant=_no_number)
     except RequestError:
         raise
     except (ValueError, RecursionError) as error:
         raise RequestError(f"this is not JSON: {error}") from None
-    if not isinstance(asked, dict):
+    if not isinstance(request, dict):
         raise RequestError('a request must be an object such as {"id": 1, "command": ["NAME", {...}]}')
-    number = asked.pop("id", None)
+    number = request.pop("id", None)
     if not (number is None or type(number) in (int, str)) or len(str(number)) > _ID:
         raise RequestError(f"id must be a whole number or a string of at most {_ID} characters")
-    if len(asked) != 1 or next(iter(asked)) not in _ASKED:
+    if len(request) != 1 or next(iter(request)) not in _ASKED:
         raise RequestError(f"a request must have one of {', '.join(_ASKED)}", number)
     try:
-        return _request(number, **asked)
+        return _request(number, **request)
     except ValueError as error:
         raise RequestError(str(error.args[0]), number) from None
 

@@ -50,8 +50,8 @@ class Serving:
         self._looked = time.monotonic()
 
     def _described(self):
-        told = hello(self.simulation, self.fps), names(self.simulation), place(self.simulation)
-        return {message["type"]: json.dumps(message) for message in told}
+        messages = hello(self.simulation, self.fps), names(self.simulation), place(self.simulation)
+        return {message["type"]: json.dumps(message) for message in messages}
 
     def run(self, stop, seconds=None):
         """Serve until ``stop()`` is true or so many simulated seconds are over; the link is open meanwhile."""

@@ -105,8 +105,8 @@ class PageWriter:
         style = (HERE / "style.css").read_text(encoding="utf-8")
         text = (HERE / "page.html").read_text(encoding="utf-8")
         title = f"{self.simulation.level.name} · Flockbrush"
-        for mark, said in (("TITLE", _escaped(title)), ("STYLE", f":root{{{colours}}}\n{style}"), ("MODE", look.name)):
-            text = text.replace(f"{{{{{mark}}}}}", said)
+        for mark, value in (("TITLE", _escaped(title)), ("STYLE", f":root{{{colours}}}\n{style}"), ("MODE", look.name)):
+            text = text.replace(f"{{{{{mark}}}}}", value)
         self._write(text)
         self._write(f"<!--\n{(HERE / 'three.LICENSE.txt').read_text(encoding='utf-8')}-->\n")
         self._data("three", (HERE / "three.min.js").read_bytes())
@@ -132,14 +132,14 @@ class PageWriter:
 
     def _grounds(self, palette):
         """A picture of the ground that each brush is painted on, as an address; None for those that are not."""
-        found, colours = [], worn([brush.colour for brush in palette.brushes], self.theme)
+        grounds, colours = [], worn([brush.colour for brush in palette.brushes], self.theme)
         painted = brushes_in_sight(Scenery(self.simulation))
         for name, colour in zip(palette.names, colours, strict=True):
             patch = None
             if brush_key(name) in painted:
                 patch = jpeg_of(swatch(name, rgb(colour), self.theme, GROUND, 1.2))
-            found.append(patch and "data:image/jpeg;base64," + base64.b64encode(patch).decode())
-        return found
+            grounds.append(patch and "data:image/jpeg;base64," + base64.b64encode(patch).decode())
+        return grounds
 
     def _about(self):
         simulation, look = self.simulation, self.theme
@@ -214,15 +214,15 @@ def _moving(solids, times):
 
     Those of the place as it begins are told by the number of their first face; others bring their faces.
     """
-    found, first = [], 0
+    entries, first = [], 0
     for solid in solids:
         count, began = len(solid.faces.alphas), solid.keys[0].shown
         if solid.moves:
             track = [[times[key.frame], int(key.shown), *(round(part, 4) for part in key.offset)] for key in solid.keys]
-            told = {"first": first, "count": count} if began else _faces(solid.faces, solid.lit)
-            found.append({"name": solid.name, "track": track, **told})
+            entry = {"first": first, "count": count} if began else _faces(solid.faces, solid.lit)
+            entries.append({"name": solid.name, "track": track, **entry})
         first += count if began else 0
-    return found
+    return entries
 
 
 def _faces(faces, lit):

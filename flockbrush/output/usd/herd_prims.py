@@ -60,13 +60,13 @@ class Instancer:
         }
         for name, value in values.items():
             self._attributes[name].Set(value, frame)
-        for name, (kind, value) in told(moment, phase).items():
+        for name, (kind, value) in primvars_of(moment, phase).items():
             if name not in self._attributes:
                 interpolation = UsdGeom.Tokens.vertex
                 self._attributes[name] = self._primvars.CreatePrimvar(name, _MANY[kind], interpolation).GetAttr()
             array = Vt.FloatArray if kind == "float" else Vt.IntArray
             self._attributes[name].Set(array.FromNumpy(value), frame)
-        return (64 + 4 * len(told(moment, phase))) * len(moment)
+        return (64 + 4 * len(primvars_of(moment, phase))) * len(moment)
 
     def finish(self):
         """Nothing is left to do."""
@@ -76,12 +76,12 @@ _MANY = {"float": Sdf.ValueTypeNames.FloatArray, "int": Sdf.ValueTypeNames.IntAr
 _ONE = {"float": Sdf.ValueTypeNames.Float, "int": Sdf.ValueTypeNames.Int}
 
 
-def told(moment, phase):
+def primvars_of(moment, phase):
     """{primvar: (kind, (n,) values)} of a moment: what instances carry besides where they are."""
     floats = {"speed": np.linalg.norm(moment.velocity, axis=1), "phase": phase}
     codes = {"brush": moment.brush, "species": moment.species, "leader": moment.leader, **moment.labels}
-    found = {name: ("float", np.asarray(values, np.float32)) for name, values in floats.items()}
-    return found | {name: ("int", np.asarray(values, np.int32)) for name, values in codes.items()}
+    primvars = {name: ("float", np.asarray(values, np.float32)) for name, values in floats.items()}
+    return primvars | {name: ("int", np.asarray(values, np.int32)) for name, values in codes.items()}
 
 
 class Shown:
@@ -132,11 +132,11 @@ class Xforms:
     def write(self, frame, moment, clip, phase):
         """Set every animal of a frame; the bytes that takes."""
         ids, here = moment.ids.tolist(), set(moment.ids.tolist())
-        for gone in sorted(self._here - here):
-            self._animals[gone]["shown"].hide(frame)
+        for vanished in sorted(self._here - here):
+            self._animals[vanished]["shown"].hide(frame)
         self._names = self._bodies.names()
         at, scales, turns = moment.xyz.tolist(), self._bodies.scales(moment).tolist(), self._turns.of(moment).tolist()
-        carried = told(moment, phase)
+        carried = primvars_of(moment, phase)
         for row, animal in enumerate(ids):
             if animal not in self._animals:
                 self._animals[animal] = self._born(animal)

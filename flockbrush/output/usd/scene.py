@@ -11,7 +11,7 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from flockbrush.output.picture_exporter import camera_of, chosen_theme
-from flockbrush.output.trajectory_table import metadata_of
+from flockbrush.output.trajectory_table import as_attribute, metadata_of
 from flockbrush.output.usd.bodies import UsdBodies
 from flockbrush.output.usd.herd_prims import Instancer, Xforms
 from flockbrush.output.usd.skeletons import Skeletons
@@ -49,7 +49,7 @@ class UsdStage:
         world = UsdGeom.Xform.Define(stage, ROOT)
         stage.SetDefaultPrim(world.GetPrim())
         Usd.ModelAPI(world).SetKind("assembly")
-        about = {key: _plain(value) for key, value in metadata_of(simulation, fps).items()}
+        about = {key: as_attribute(value) for key, value in metadata_of(simulation, fps).items()}
         self._layer.customLayerData = {"flockbrush": about}
         self._gaits, self._pending = Gaits(simulation), 0
         given = dict(text.split("=", 1) for text in options.get("prototype") or ())
@@ -86,25 +86,20 @@ class UsdStage:
         self._herd = self._obstacles = self._stage = self._layer = None
 
 
-def _plain(value):
-    """A value that a layer's metadata can hold."""
-    return str(value) if isinstance(value, int) and abs(value) >= 2**31 else value
-
-
 def problems_of(prototypes) -> list[str]:
     """What is wrong with ``--prototype`` texts."""
-    found = []
+    problems = []
     for text in prototypes or ():
         name, _, file = text.partition("=")
         if not name or not file:
-            found.append(f"--prototype must be SPECIES=FILE.usd, got {text!r}")
+            problems.append(f"--prototype must be SPECIES=FILE.usd, got {text!r}")
         elif not Path(file).is_file():
-            found.append(f"--prototype {text}: there is no file {file!r}")
+            problems.append(f"--prototype {text}: there is no file {file!r}")
         else:
             try:
                 stage = Usd.Stage.Open(file)
             except Exception:  # noqa: BLE001  whatever USD says of a file it cannot read
                 stage = None
             if stage is None or not stage.GetDefaultPrim():
-                found.append(f"--prototype {text}: this is not a USD file with a default prim")
-    return found
+                problems.append(f"--prototype {text}: this is not a USD file with a default prim")
+    return problems

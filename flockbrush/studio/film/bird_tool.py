@@ -71,8 +71,8 @@ class BirdsMode(Mode):
 
     def freshen(self):
         birds = self.state.birds
-        here = len(birds.at(self.window.k))
-        self.count.say(f"{here} here, {len(birds.ids)} tracks")
+        count = len(birds.at(self.window.k))
+        self.count.say(f"{count} here, {len(birds.ids)} tracks")
         if birds.pending is None:
             self.pending.say("")
         else:
@@ -88,10 +88,12 @@ class BirdsMode(Mode):
         birds = self.state.birds
         if self.selected is not None and self.selected not in birds.ids:
             self.selected = None
-        there = self.selected is not None
-        self.who.say(f"{self.selected}: in {_frames(birds.sights()[self.selected])}" if there else "none selected")
+        is_selected = self.selected is not None
+        self.who.say(
+            f"{self.selected}: in {_frames(birds.sights()[self.selected])}" if is_selected else "none selected"
+        )
         for button in (*self.ends, self.remove, self.never):
-            enabled(button, there)
+            enabled(button, is_selected)
 
     # following ----------------------------------------------------------------------------
 
@@ -117,10 +119,10 @@ class BirdsMode(Mode):
 
     def _follow(self, k):
         self._follower = self._follower or Follower(self.window.film.again())
-        follower, asked = self._follower, self.state.birds
+        follower, birds_before = self._follower, self.state.birds
 
         def then(birds):
-            if self.state.birds is not asked:
+            if self.state.birds is not birds_before:
                 self.window.toasts.say("Birds were corrected in the meantime; track on again.", "warning")
                 return
             self.book.do(f"tracked from frame {k}", self.name, k, birds=birds)
@@ -128,7 +130,9 @@ class BirdsMode(Mode):
             no = "No bird could be tracked: birds must be small, and darker or lighter than the sky."
             self.window.toasts.say(f"Tracked {some} from frame {k}." if birds.ids else no)
 
-        self.window.job("birds", f"tracking birds from frame {k}", lambda say: follower.follow(asked, k, say), then)
+        self.window.job(
+            "birds", f"tracking birds from frame {k}", lambda say: follower.follow(birds_before, k, say), then
+        )
 
     def stop_following(self):
         """Leave the tracks as they are."""
@@ -158,14 +162,14 @@ class BirdsMode(Mode):
         """Show the first or last frame in which the chosen bird is seen."""
         birds = self.state.birds
         if self.selected in birds.ids:
-            seen = np.flatnonzero(np.isfinite(birds.px[:, birds.ids.index(self.selected), 0]))
-            self.window.go(int(seen[which]))
+            frames_seen = np.flatnonzero(np.isfinite(birds.px[:, birds.ids.index(self.selected), 0]))
+            self.window.go(int(frames_seen[which]))
 
     def breaks(self):
         """Frames in which a track begins or ends though the film does not, in order."""
-        seen = np.isfinite(self.state.birds.px[..., 0])
-        first, last = seen.argmax(0), len(seen) - 1 - seen[::-1].argmax(0)
-        return sorted({int(k) for k in first if k > 0} | {int(k) for k in last if k < len(seen) - 1})
+        has_place = np.isfinite(self.state.birds.px[..., 0])
+        first, last = has_place.argmax(0), len(has_place) - 1 - has_place[::-1].argmax(0)
+        return sorted({int(k) for k in first if k > 0} | {int(k) for k in last if k < len(has_place) - 1})
 
     def next_break(self):
         """Show the next frame in which a track begins or ends."""
@@ -283,16 +287,16 @@ class BirdsMode(Mode):
 
     def moments(self):
         c = chrome(self.window.theme)
-        found = [(k, c.faint) for k in self.breaks()]
-        found += [(k, c.accent) for k in sorted(self.state.birds.corrections)]
-        return found + ([(self.state.birds.pending, c.warning)] if self.state.birds.pending is not None else [])
+        marked = [(k, c.faint) for k in self.breaks()]
+        marked += [(k, c.accent) for k in sorted(self.state.birds.corrections)]
+        return marked + ([(self.state.birds.pending, c.warning)] if self.state.birds.pending is not None else [])
 
     def draw(self, canvas):
         birds, k, u = self.state.birds, self.window.k, self.window.scale
         places = {bird: self.window.at(place) for bird, place in birds.at(k).items()}
         if self.held is not None and self.held[0] == "bird" and self._far():
             places[self.held[1]] = self.held[3]
-        said = birds.corrections.get(k, {})
+        corrections = birds.corrections.get(k, {})
         if self.tail >= 1:
             for bird in places:
                 tail = self.window.at(birds.tail(bird, k, round(self.tail)))
@@ -300,7 +304,7 @@ class BirdsMode(Mode):
         self._labels = {}
         radius = self._radius(np.array(list(places.values())))
         for bird, at in places.items():
-            self._draw_bird(canvas, bird, at, radius, bird in said and not said[bird][2])
+            self._draw_bird(canvas, bird, at, radius, bird in corrections and not corrections[bird][2])
         for bird, place in birds.lost(k).items():
             self._draw_lost(canvas, bird, self.window.at(place), radius)
         if self.held is not None and self.held[0] == "number" and self._far():
@@ -314,18 +318,20 @@ class BirdsMode(Mode):
         gaps = np.linalg.norm(places[:, None] - places[None], axis=-1) + np.diag(np.full(len(places), np.inf))
         return float(np.clip(0.5 * np.median(gaps.min(0)), 3.5 * u, RING * u))
 
-    def _draw_bird(self, canvas, bird, at, radius, said):
+    def _draw_bird(self, canvas, bird, at, radius, corrected):
         u, theme = self.window.scale, self.window.theme
         if not -50 < at[0] < canvas.image.shape[1] + 50 or not -50 < at[1] < canvas.image.shape[0] + 50:
             return
-        mine, thin = bird == self.selected, min(1.0, radius / (RING * u))
+        is_selected, thin = bird == self.selected, min(1.0, radius / (RING * u))
         colour, halo, dash = self.look(bird)
-        canvas.ring(at, radius, (2.0 + 3.5 * thin if mine else 3.6 * thin) * u, halo, 0.8)
-        canvas.ring(at, radius, (3.0 if mine else 1.8) * u, chrome(theme).accent if mine else colour, dash=dash)
-        if said:
+        canvas.ring(at, radius, (2.0 + 3.5 * thin if is_selected else 3.6 * thin) * u, halo, 0.8)
+        canvas.ring(
+            at, radius, (3.0 if is_selected else 1.8) * u, chrome(theme).accent if is_selected else colour, dash=dash
+        )
+        if corrected:
             canvas.disc(at, 3.4 * u, theme.paper)
             canvas.disc(at, 2.2 * u, chrome(theme).accent)
-        if mine or radius > 0.6 * RING * u:  # in a throng numbers would hide the birds: zoom in
+        if is_selected or radius > 0.6 * RING * u:  # in a throng numbers would hide the birds: zoom in
             self._draw_number(canvas, bird, at + (0.75 * radius, -0.75 * radius))
 
     def look(self, bird):

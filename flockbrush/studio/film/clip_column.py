@@ -64,45 +64,45 @@ class ClipColumn:
     def button(self, text, do, tip=None, primary=False):
         """A button over the whole width."""
         look = "@primary" if primary else "@small_button"
-        made = UIButton(self._row(28), text, self.app.manager, self.back, tool_tip_text=tip, object_id=look)
-        self.buttons[made] = do
-        return made
+        new_button = UIButton(self._row(28), text, self.app.manager, self.back, tool_tip_text=tip, object_id=look)
+        self.buttons[new_button] = do
+        return new_button
 
     def pair(self, *pairs):
         """Buttons beside each other: (text, what it does, tip)."""
         row = self._row(28)
         gap = px(self.app.scale, 5)
         wide = (row.width - gap * (len(pairs) - 1)) // len(pairs)
-        made = []
+        buttons = []
         for k, (text, do, tip) in enumerate(pairs):
             place = pygame.Rect(row.x + k * (wide + gap), row.y, wide, row.height)
-            made.append(
+            buttons.append(
                 UIButton(place, text, self.app.manager, self.back, tool_tip_text=tip, object_id="@small_button")
             )
-            self.buttons[made[-1]] = do
-        return made
+            self.buttons[buttons[-1]] = do
+        return buttons
 
     def swatches(self, colours, do):
         """Small coloured buttons in one row; `do` is given the number of the colour, from 1."""
         row = self._row(26)
         gap = px(self.app.scale, 3)
         wide = (row.width - gap * (len(colours) - 1)) // len(colours)
-        made = []
+        buttons = []
         for k, colour in enumerate(colours):
             place = pygame.Rect(row.x + k * (wide + gap), row.y, wide, row.height)
             side = max(4, min(wide, row.height) - px(self.app.scale, 8))
             chip = pygame.Surface((side, side), pygame.SRCALPHA)
             pygame.draw.rect(chip, colour, chip.get_rect(), border_radius=px(self.app.scale, 3))
-            made.append(PictureButton(place, "", self.app.manager, self.back, object_id="@tool", pictures=[chip]))
-            self.buttons[made[-1]] = lambda k=k: do(k + 1)
-        return made
+            buttons.append(PictureButton(place, "", self.app.manager, self.back, object_id="@tool", pictures=[chip]))
+            self.buttons[buttons[-1]] = lambda k=k: do(k + 1)
+        return buttons
 
     def slider(self, name, value, low, high, show, changed, power=False, tip=None):
         """A slider with its name and value."""
         scale = SliderScale(low, high, show, power)
-        made = Slider(self.app, self._row(38), name, value, scale, changed, self.back, tip)
-        self.sliders.append(made)
-        return made
+        new_slider = Slider(self.app, self._row(38), name, value, scale, changed, self.back, tip)
+        self.sliders.append(new_slider)
+        return new_slider
 
     def chip(self, colour):
         """A colour as a bar, or nothing where there is none."""

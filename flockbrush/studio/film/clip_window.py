@@ -41,7 +41,7 @@ class ClipWindow(Window):
     size : (int, int)
         Pixels.
     theme : {"light", "dark"}, optional
-        The one of the playground unless told.
+        The one of the playground by default.
     camera : path, optional
         Of the camera that filmed, for lifting.
     mode : str
@@ -269,8 +269,8 @@ class ClipWindow(Window):
         if button == 3:
             self.mode.click_right(self.place(at), at)
         else:
-            mine = button == 1 and self.mode.press(self.place(at), at)
-            self._held = "mode" if mine else "view", at, button
+            handled = button == 1 and self.mode.press(self.place(at), at)
+            self._held = "mode" if handled else "view", at, button
 
     def _drag(self, at):
         who, last, button = self._held

@@ -35,8 +35,8 @@ class FormationMode(BirdsMode):
 
     def freshen(self):
         birds, partly = self.state.birds, self.state.birds.partly()
-        here = len(birds.at(self.window.k))
-        self.count.say(f"{here} bird{'s' * (here != 1)}, wingspan {self.book.wingspan:.0f} px")
+        count = len(birds.at(self.window.k))
+        self.count.say(f"{count} bird{'s' * (count != 1)}, wingspan {self.book.wingspan:.0f} px")
         shape = self.shape()
         self.kind.say("no birds" if shape is None else "no formation" if shape.kind == "none" else shape.kind)
         why = "" if shape is None else shape.why

@@ -29,10 +29,10 @@ class FilmBar:
             ("step", "Next frame (Right)", lambda: window.step(1)),
         ):
             place = pygame.Rect(x, px(window.scale, 6), side, side)
-            made = icon_button(window, place, picture, tip, self.back)
-            window.buttons[made] = do
+            new_button = icon_button(window, place, picture, tip, self.back)
+            window.buttons[new_button] = do
             if picture == "play":
-                self.play = made
+                self.play = new_button
             x += side + gap
         wide = px(window.scale, 190)
         tall = px(window.scale, 22)
@@ -48,10 +48,10 @@ class FilmBar:
     def freshen(self):
         """Show what is so now."""
         app = self.app
-        wanted = "pause" if app.playing else "play"
-        if wanted != self._icon:
-            self._icon = wanted
-            set_icon(app, self.play, wanted)
+        icon_name = "pause" if app.playing else "play"
+        if icon_name != self._icon:
+            self._icon = icon_name
+            set_icon(app, self.play, icon_name)
         self.clock.say(app.film.caption(app.k))
         job = app.jobs_said()
         self.hint.say(job or app.mode.hint)
@@ -75,8 +75,8 @@ class FilmBar:
             x = self.x_of(k)
             pygame.draw.line(screen, colour, (x, bar.top - px(u, 4)), (x, bar.bottom + px(u, 3)), px(u, 2))
         for job in app.jobs.values():
-            done = pygame.Rect(bar.x, bar.bottom + px(u, 3), round(bar.width * job.share), px(u, 3))
-            pygame.draw.rect(screen, c.warning, done)
+            progress_bar = pygame.Rect(bar.x, bar.bottom + px(u, 3), round(bar.width * job.share), px(u, 3))
+            pygame.draw.rect(screen, c.warning, progress_bar)
         at = self.x_of(app.k), bar.centery
         pygame.draw.circle(screen, c.ink, at, px(u, 8))
         pygame.draw.circle(screen, c.raised, at, px(u, 5))

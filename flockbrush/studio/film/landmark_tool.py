@@ -43,21 +43,21 @@ class LandmarksMode(Mode):
     def freshen(self):
         marks = self.state.marks.landmarks
         for k, row in enumerate(self.rows):
-            there = k < len(marks)
-            text = f"{k + 1}: frame {marks[k].frame}, {self._said(marks[k])}" if there else "–"
+            exists = k < len(marks)
+            text = f"{k + 1}: frame {marks[k].frame}, {self._said(marks[k])}" if exists else "–"
             if row.text != text:
                 row.set_text(text)
-            enabled(row, there)
+            enabled(row, exists)
         enabled(self.all_gone, marks)
         for mark in marks:
-            if mark not in self.found and f"landmark {mark.told}" not in self.window.jobs:
+            if mark not in self.found and f"landmark {mark.argument}" not in self.window.jobs:
                 self._follow(mark)
 
     def _said(self, mark):
-        found = self.found.get(mark)
-        if found is None:
+        boxes = self.found.get(mark)
+        if boxes is None:
             return "following"
-        lost = int((~np.isfinite(found[:, 0])).sum())
+        lost = int((~np.isfinite(boxes[:, 0])).sum())
         return f"lost in {lost}" if lost else "in all frames"
 
     def _follow(self, mark):
@@ -66,10 +66,10 @@ class LandmarksMode(Mode):
         self._film = self._film or self.window.film.again()
         film = self._film
         self.window.job(
-            f"landmark {mark.told}",
+            f"landmark {mark.argument}",
             "tracking landmarks",
             lambda say: followed(film, mark, say),
-            lambda found: self.found.__setitem__(mark, found),
+            lambda boxes: self.found.__setitem__(mark, boxes),
         )
 
     def motion(self, a, b):
@@ -90,8 +90,8 @@ class LandmarksMode(Mode):
     def draw(self, canvas):
         for k, mark in enumerate(self.state.marks.landmarks):
             own = mark.frame == self.window.k
-            found = self.found.get(mark)
-            box = mark[1:] if own else None if found is None else found[self.window.k]
+            boxes = self.found.get(mark)
+            box = mark[1:] if own else None if boxes is None else boxes[self.window.k]
             if box is not None and np.isfinite(box[0]):
                 self._draw_box(canvas, np.array(box[:2]), np.array(box[:2]) + box[2:], COLOURS[k % 8], str(k + 1), own)
         if self.held is not None:
@@ -121,9 +121,9 @@ class LandmarksMode(Mode):
 
     def release(self, place, at):
         held, self.held = self.held, None
-        made = None if held is None else between(self.window.k, *held, self.window.film.size)
-        if made is not None:
-            marks = (*self.state.marks.landmarks, made)
+        landmark = None if held is None else between(self.window.k, *held, self.window.film.size)
+        if landmark is not None:
+            marks = (*self.state.marks.landmarks, landmark)
             self.mark(f"landmark {len(marks)}", landmarks=marks)
         elif held is not None:
             self.window.toasts.say("Drag from one corner of the rectangle to the other.")
@@ -138,8 +138,8 @@ class LandmarksMode(Mode):
 
     def _box(self, mark):
         """Where a landmark is in the frame shown, (4,), or None."""
-        found = self.found.get(mark)
-        box = np.array(mark[1:]) if mark.frame == self.window.k else None if found is None else found[self.window.k]
+        boxes = self.found.get(mark)
+        box = np.array(mark[1:]) if mark.frame == self.window.k else None if boxes is None else boxes[self.window.k]
         return box if box is not None and np.isfinite(box[0]) else None
 
     def let_go(self):

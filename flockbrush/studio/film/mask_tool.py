@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from flockbrush.film.camera_maps import back, moved_by
 from flockbrush.film.clip_layers import OBSTACLE, REGIONS, MaskLayer, fill, stroke
-from flockbrush.film.landmarks import back, moved
 from flockbrush.studio.film.clip_column import chosen, enabled
 from flockbrush.studio.film.mode import Mode
 from flockbrush.studio.theme import px
@@ -120,7 +120,7 @@ class PaintMode(Mode):
 
     def _there(self, place):
         matrix = self._to_first()
-        return np.array(place) if matrix is None else moved(matrix, place)
+        return np.array(place) if matrix is None else moved_by(matrix, place)
 
     def _value(self):
         return 0 if self.tool == "erase" else OBSTACLE if self.layer == "obstacles" else self.region

@@ -6,7 +6,7 @@ import numpy as np
 import pygame
 from pygame_gui import UI_BUTTON_PRESSED
 from pygame_gui.core import ObjectID
-from pygame_gui.elements import UIButton, UILabel, UIScrollingContainer
+from pygame_gui.elements import UIButton, UILabel
 
 from flockbrush.components import (
     Airborne,
@@ -24,7 +24,7 @@ from flockbrush.components import (
 )
 from flockbrush.render.forces import reason_colour
 from flockbrush.studio.panels.bars import Bar, bars_picture
-from flockbrush.studio.panels.panel import Panel, Picture, blank, palette_of, write
+from flockbrush.studio.panels.panel import Picture, ScrollPanel, blank, palette_of, write
 from flockbrush.systems.explain import explain
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
@@ -35,7 +35,7 @@ from flockbrush.systems.senses import Sight, SightInSpace
 NOBODY = "No animal is selected.", "Click an animal with the Select tool to see", "its state and its forces here."
 
 
-class AnimalPanel(Panel):
+class AnimalPanel(ScrollPanel):
     """Shows the state of the selected animal and the forces on it."""
 
     title = "Animal"
@@ -46,18 +46,11 @@ class AnimalPanel(Panel):
     whom: object
 
     def make(self):
-        px, area = self.px, self.area
-        self.scroll = UIScrollingContainer(
-            pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
-            allow_scroll_x=False,
-        )  # fmt: skip
-        self.wide, self.row = self.inner, px(22)
+        super().make()
+        self.row = self.px(22)
         self.pictures, self.parts, self.buttons = {}, [], {}
         self.whom = self  # nobody yet
         self.refresh()
-
-    def close(self):
-        self.scroll.kill()
 
     def handle(self, event):
         if event.type != UI_BUTTON_PRESSED:
@@ -83,11 +76,11 @@ class AnimalPanel(Panel):
             self._show_nobody(entity)
             return
         facts = facts_of(session, row)
-        found = explain(session.simulation.world, entity)
-        pulls = pulls_of(found, session.clock.dt)
+        explanation = explain(session.simulation.world, entity)
+        pulls = pulls_of(explanation, session.clock.dt)
         self._lay_out(entity, len(facts), len(pulls))
         self._show_facts(entity, facts, session, row)
-        self._show_pulls(found, pulls)
+        self._show_pulls(explanation, pulls)
         bird = int(session.simulation.agents[ReferenceBird.entity][row])
         button = self.buttons["reference"]
         if bool(bird) != button.is_enabled:
@@ -97,11 +90,11 @@ class AnimalPanel(Panel):
 
     def _lay_out(self, whom, facts=0, pulls=0):
         """Make the widgets for so many facts and forces, unless they are there."""
-        wanted = (whom is None, facts, pulls)
-        if self.whom == wanted:
+        layout = (whom is None, facts, pulls)
+        if self.whom == layout:
             return
         self._clear()
-        self.whom = wanted
+        self.whom = layout
         y, px = 0, self.px
         if whom is None:
             self._picture("nobody", 0, px(110))
@@ -154,13 +147,13 @@ class AnimalPanel(Panel):
         pygame.draw.circle(surface, self.app.colour_of(brush.name), (px(8), px(15)), px(7))
         species = session.simulation.world.resource(SpeciesList).names[agents[Species.index][row]]
         write(surface, f"{species} {entity}", (px(22), px(15)), px(15), colours.ink, bold=True, room=self.wide - px(24))
-        for k, (words, said) in enumerate(facts):
+        for k, (words, value) in enumerate(facts):
             y = px(30) + (k + 0.5) * self.row
             write(surface, words, (0, y), px(13), colours.muted)
-            write(surface, said, (self.wide, y), px(13), colours.ink, (1, 0.5), room=0.66 * self.wide)
+            write(surface, value, (self.wide, y), px(13), colours.ink, (1, 0.5), room=0.66 * self.wide)
         self.pictures["facts"].show(surface)
 
-    def _show_pulls(self, found, pulls):
+    def _show_pulls(self, explanation, pulls):
         """What each force adds to the turn, in the colours of the arrows on the canvas, and what comes of it."""
         px, picture, session = self.px, self.pictures["pulls"], self.app.session
         most = max([abs(pull) for pull in pulls.values()], default=0.0)
@@ -177,9 +170,9 @@ class AnimalPanel(Panel):
         if not bars:
             write(surface, "This model does not report its forces.", (0, y), px(13), self.colours.muted, room=self.wide)
             y += self.row
-        fastest = palette_of(session).max_turn[palette_of(session).named(found.brush)]
-        said = turning(found.turn / session.clock.dt, fastest)
-        write(surface, said, (0, y), px(13), self.colours.ink, bold=True, room=self.wide)
+        fastest = palette_of(session).max_turn[palette_of(session).named(explanation.brush)]
+        text = turning(explanation.turn / session.clock.dt, fastest)
+        write(surface, text, (0, y), px(13), self.colours.ink, bold=True, room=self.wide)
         picture.show(surface)
 
 
@@ -189,10 +182,10 @@ PULLS_TIP = (
 )
 
 
-def pulls_of(found, dt) -> dict[str, float]:
+def pulls_of(explanation, dt) -> dict[str, float]:
     """{reason: degrees a second by which it turns the animal, to the left positive}, in the model's order."""
-    (fx, fy), pulls = found.forward, {}
-    for name, (x, y) in found.terms:
+    (fx, fy), pulls = explanation.forward, {}
+    for name, (x, y) in explanation.terms:
         if name != "heading":
             pulls[name] = float(np.degrees(fx * y - fy * x) / dt)
     return pulls
@@ -229,9 +222,9 @@ def facts_of(session, row) -> list[tuple[str, str]]:
         ("visible neighbours", f"{seen_by(world, row)}"),
         ("reference bird", f"animal {bird}" if bird else "none"),
     ]
-    told = reason(world, row)
-    if told is not None:
-        facts[1:1] = [("state", f"{told[1]} (program {told[0]})"), ("why", told[2])]
+    why = reason(world, row)
+    if why is not None:
+        facts[1:1] = [("state", f"{why[1]} (program {why[0]})"), ("why", why[2])]
     if goal >= 0:
         facts.append(("goes to", land.goals[goal].name or f"goal {goal + 1}"))
     ways = world.resource(Palette)
@@ -247,10 +240,10 @@ def facts_of(session, row) -> list[tuple[str, str]]:
 def seen_by(world, row) -> int:
     """How many others the animal saw in the last tick."""
     flies = world.resource(Palette).flies[world.agents[BrushBinding.brush][row]]
-    found = world.resource(SightInSpace if flies else Sight).found
-    if found is None or row >= len(found.count):
+    visible = world.resource(SightInSpace if flies else Sight).found
+    if visible is None or row >= len(visible.count):
         return 0
-    return int(found.count[row])
+    return int(visible.count[row])
 
 
 def attitude(forward, up) -> str:

@@ -119,8 +119,8 @@ class BrushPanel(Panel):
     def _show(self):
         """The brush as it is now."""
         names = [brush.name for brush in palette_of(self.app.session).own]
-        found = (self._found(name) for name in (self.app.brush, self.name, *names))
-        brush = next((brush for brush in found if brush is not None), None)
+        candidates = (self._found(name) for name in (self.app.brush, self.name, *names))
+        brush = next((brush for brush in candidates if brush is not None), None)
         if brush is None:
             return
         self.name = brush.name
@@ -149,17 +149,17 @@ class BrushPanel(Panel):
     def _say(self, brush, asset):
         count = len(changes(brush, asset))
         animals = self._animals(brush)
-        said = f"{brush.model} · {brush.provenance.kind} · {animals}", f"{count} changed" if count else "unchanged"
-        if self.about.said != (said, self.app.theme.name):
+        texts = f"{brush.model} · {brush.provenance.kind} · {animals}", f"{count} changed" if count else "unchanged"
+        if self.about.said != (texts, self.app.theme.name):
             surface, height, px = blank(self.about.size), self.px(13), self.px
             middle = surface.get_height() / 2
             colour = self.colours.accent if count else self.colours.muted
             right = surface.get_width() - write(
-                surface, said[1], (surface.get_width(), middle), height, colour, (1, 0.5)
+                surface, texts[1], (surface.get_width(), middle), height, colour, (1, 0.5)
             )
             pygame.draw.circle(surface, self.app.colour_of(brush.name), (px(7), middle), px(6))
-            write(surface, said[0], (px(18), middle), height, self.colours.muted, room=right - px(24))
-            self.about.show(surface, (said, self.app.theme.name))
+            write(surface, texts[0], (px(18), middle), height, self.colours.muted, room=right - px(24))
+            self.about.show(surface, (texts, self.app.theme.name))
             title, more = brush.title or brush.name, brush.description or "No description."
             self.about.element.set_tooltip(f"<b>{html.escape(title)}</b><br>{html.escape(more)}<br>{whence(brush)}")
         (self.drop.enable if count else self.drop.disable)() if self.drop.is_enabled != bool(count) else None
@@ -239,11 +239,11 @@ class BrushPanel(Panel):
     def _do(self, label, commands, join=None):
         """Submit what was asked for, and show what came of it."""
         try:
-            made = commands()
+            new_commands = commands()
         except ValueError as error:
             self.app.notify(str(error), "warning")
         else:
-            self.app.session.do(label, made, join=join)
+            self.app.session.do(label, new_commands, join=join)
         self._show()
 
     def handle(self, event):
@@ -281,9 +281,9 @@ class BrushPanel(Panel):
 
     def _free_name(self, name):
         """A name like this one that no brush has: march-2, and after that march-3."""
-        taken = {*self.app.session.library.names(), *palette_of(self.app.session).names}
+        used_names = {*self.app.session.library.names(), *palette_of(self.app.session).names}
         stem = re.sub(r"-\d+$", "", name)[:58]
-        return next(f"{stem}-{k}" for k in range(2, 10_000) if f"{stem}-{k}" not in taken)
+        return next(f"{stem}-{k}" for k in range(2, 10_000) if f"{stem}-{k}" not in used_names)
 
     def save_as(self, name: str):
         """Save the running numbers under a new name, bring them into the world, and take them in hand.
@@ -294,16 +294,16 @@ class BrushPanel(Panel):
         if brush is None:
             return None
         try:
-            made = as_new(brush, self.asset_of(brush), name, datetime.date.today())
+            new_brush = as_new(brush, self.asset_of(brush), name, datetime.date.today())
             if name in {*self.app.session.library.names(), *palette_of(self.app.session).names}:
                 raise ValueError(f"a brush {name!r} already exists; choose another name")
         except ValueError as error:
             self.app.notify(str(error), "error")
             return False
-        path = self.app.session.save_brush(made)
+        path = self.app.session.save_brush(new_brush)
         if path is None:
             return None  # the session has said why
-        self.app.session.do(f"new brush {name}", [use(made)])
+        self.app.session.do(f"new brush {name}", [use(new_brush)])
         self.app.brush = self.name = name
         self.app.notify(f"Saved {path}; '{name}' is selected")
         self.refresh()

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 import pygame
-from pygame_gui.elements import UIScrollingContainer
 
-from flockbrush.studio.panels.panel import FRESH, Panel, Picture, blank, write
+from flockbrush.studio.panels.panel import FRESH, Picture, ScrollPanel, blank, write
 from flockbrush.studio.panels.panel_strip import Strip, axis_picture, end_of, strip_picture, top_of, value_at
 from flockbrush.systems.program_reports import state_colours
 
@@ -24,7 +23,7 @@ LINE = 19  # pixels of a line of words
 COUNTS_TIP = "Gone: left at an exit, a goal or the edge, were caught, or were removed"
 
 
-class ChartsPanel(Panel):
+class ChartsPanel(ScrollPanel):
     """Shows measures over the whole run, with the present marked."""
 
     title = "Charts"
@@ -32,12 +31,9 @@ class ChartsPanel(Panel):
     strips: dict[str, Picture]
 
     def make(self):
+        super().make()
         px, area = self.px, self.area
-        self.scroll = UIScrollingContainer(
-            pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
-            allow_scroll_x=False,
-        )  # fmt: skip
-        self.wide, y, gap, legend = self.inner, px(4), px(10), (MOST + 1) * px(LINE)
+        y, gap, legend = px(4), px(10), (MOST + 1) * px(LINE)
         room = area.height - px(46) - 3 * gap - legend - 2 * px(LINE)
         tall = int(min(max(room / 4.3, px(56)), px(120)))
         self.strips = {}
@@ -50,9 +46,6 @@ class ChartsPanel(Panel):
         self.scroll.set_scrollable_area_dimensions((self.wide, y))
         self.next = len(DRAWN) - 1
         self.refresh()
-
-    def close(self):
-        self.scroll.kill()
 
     def _strip(self, name, y, tall, tip) -> int:
         self.strips[name] = Picture(pygame.Rect(0, y, self.wide, tall), self.manager, self.scroll, tip)
@@ -81,8 +74,8 @@ class ChartsPanel(Panel):
     def _draw(self, name):
         """Draw one chart anew, if what it shows has changed."""
         chart, now, last = self.seen
-        said = (len(chart.time), chart.time[-1] if len(chart.time) else 0.0, now, last, self.app.theme.name)
-        if self.strips[name].said == said:
+        content = (len(chart.time), chart.time[-1] if len(chart.time) else 0.0, now, last, self.app.theme.name)
+        if self.strips[name].said == content:
             return
         if name == "axis":
             self.strips[name].show(axis_picture(end_of(last), self.strips[name].size, self.px(11), self.colours))
@@ -93,23 +86,23 @@ class ChartsPanel(Panel):
         else:
             strip = (self._measure if name in MEASURES else self._animals)(name, chart, now, end_of(last))
             self.strips[name].show(strip_picture(strip, self.strips[name].size, self.px(12), self.colours))
-        self.strips[name].said = said
+        self.strips[name].said = content
 
     def _measure(self, name, chart, now, end) -> Strip:
         title, unit, _ = MEASURES[name]
         values = chart.values.get(name, np.zeros(0))
         value = value_at(chart.time, values, now)
-        said = f"{value:.2f}{unit}" if math.isfinite(value) else "–"
+        text = f"{value:.2f}{unit}" if math.isfinite(value) else "–"
         top = 1.0 if name in UNITY else top_of(1.1 * values)
-        return Strip(title, chart.time, [(values, self.colours.accent)], now, end, top, said)
+        return Strip(title, chart.time, [(values, self.colours.accent)], now, end, top, text)
 
     def _animals(self, name, chart, now, end) -> Strip:
         what, counted, colours = self._counted(chart)
         lines = [(counts, colours.get(name, self.colours.muted)) for name, counts in counted.items()]
         total = sum((counts for counts, _ in lines), np.zeros(len(chart.time)))
         count = value_at(chart.time, total, now)
-        said = f"{count:,.0f}" if math.isfinite(count) else "–"
-        return Strip(f"animals by {what}", chart.time, lines, now, end, top_of(1.15 * total), said, stacked=True)
+        text = f"{count:,.0f}" if math.isfinite(count) else "–"
+        return Strip(f"animals by {what}", chart.time, lines, now, end, top_of(1.15 * total), text, stacked=True)
 
     def _counted(self, chart):
         """(what counts are by, {name: counts}, {name: colour}): states where there are programs, else brushes."""
@@ -144,11 +137,11 @@ class ChartsPanel(Panel):
 
 def counted_words(chart, now) -> list[str]:
     """Two lines: animals by species, most first; and who was born and is gone since the start of a chart."""
-    there = {name: value_at(chart.time, counts, now) for name, counts in chart.species.items()}
-    known = {name: int(count) for name, count in there.items() if count and math.isfinite(count)}
+    counts_now = {name: value_at(chart.time, counts, now) for name, counts in chart.species.items()}
+    known = {name: int(count) for name, count in counts_now.items() if count and math.isfinite(count)}
     ever = value_at(chart.time, chart.ever, now)
     if not math.isfinite(ever):
         return []
     herds = ", ".join(f"{name} {known[name]:,}" for name in sorted(known, key=lambda name: -known[name]))
-    born, gone = int(ever - chart.ever[0]), int(ever - sum(known.values()))
-    return [herds or "no animals", f"{born:,} born and {gone:,} gone since the start"]
+    born, died = int(ever - chart.ever[0]), int(ever - sum(known.values()))
+    return [herds or "no animals", f"{born:,} born and {died:,} gone since the start"]

@@ -17,7 +17,6 @@ from pygame_gui.elements import (
     UICheckBox,
     UIDropDownMenu,
     UILabel,
-    UIScrollingContainer,
     UITextEntryLine,
 )
 
@@ -25,7 +24,7 @@ from flockbrush.runs.edit_file import sentence_of
 from flockbrush.runs.run_edits import ALWAYS
 from flockbrush.runs.snapshots import words_of
 from flockbrush.studio.forms import Form, FormRow, number
-from flockbrush.studio.panels.panel import Panel, fit
+from flockbrush.studio.panels.panel import ScrollPanel, fit
 
 CHOOSE, EVERYBODY, NEW = "Select all ...", "all animals", "new layer ..."
 SWITCHED = (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED)
@@ -63,22 +62,17 @@ CHANGES = {
 }  # fmt: skip
 
 
-class EditsPanel(Panel):
+class EditsPanel(ScrollPanel):
     """Shows the layers of edits, and makes edits of the selected animals."""
 
     title = "Edits"
     tip = "Edits of the recording: exports apply them, the recording itself is not changed"
 
     def make(self):
-        px, area = self.px, self.area
-        place = pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8))
-        self.scroll = UIScrollingContainer(place, self.manager, container=self.container, allow_scroll_x=False)
+        super().make()
         self.known = None
         self.parts: list = []
         self.refresh()
-
-    def close(self):
-        self.scroll.kill()
 
     @property
     def edits(self):
@@ -237,8 +231,8 @@ class EditsPanel(Panel):
     def _changes(self, y):
         for k, (kind, change) in enumerate(CHANGES.items()):
             x = k % 2 * (self.half + self.px(6))
-            made = self._button(change.title, lambda kind=kind: self._change(kind), x, y, self.half)
-            made.set_tooltip(change.tip)
+            new_button = self._button(change.title, lambda kind=kind: self._change(kind), x, y, self.half)
+            new_button.set_tooltip(change.tip)
             y += self.px(32) * (k % 2)
         if self.edits.waiting is not None:
             self.wait = self._label("Edits of time are prepared", y)
@@ -271,9 +265,9 @@ class EditsPanel(Panel):
 
     # widgets -----------------------------------------------------------------------
 
-    def _part(self, made):
-        self.parts.append(made)
-        return made
+    def _part(self, widget):
+        self.parts.append(widget)
+        return widget
 
     def _label(self, text, y, kind="@row", wide=None, left=0):
         room = (wide or self.inner) - left

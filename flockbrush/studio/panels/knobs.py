@@ -86,14 +86,14 @@ def written(number: float) -> str:
 
 def knobs_of(brush) -> list[Knob]:
     """Everything that can be tuned in a brush, in the order in which its file has it."""
-    found = []
+    knobs = []
     for table in ("speed", "params", "vision"):
         model = type(getattr(brush, table))
         for name, field in model.model_fields.items():
             knob = knob_of(table, name, field, getattr(getattr(brush, table), name))
             if knob is not None:
-                found.append(knob)
-    return found
+                knobs.append(knob)
+    return knobs
 
 
 def knob_of(table: str, name: str, field, value=None) -> Knob | None:
@@ -137,9 +137,9 @@ def help_of(field, kind) -> str:
     parts = [meaning[:1].upper() + meaning[1:]] if meaning else []
     if kind in (NUMBER, WHOLE):
         parts.append(f"Unit: {unit(field) or 'none'}")
-        found = bounds(field)
-        if str(found):
-            parts.append(f"Range: {span(field) if not unit(field)[:1].isdigit() else str(found)}")
+        limits = bounds(field)
+        if str(limits):
+            parts.append(f"Range: {span(field) if not unit(field)[:1].isdigit() else str(limits)}")
     elif kind == CHOICE:
         parts.append(f"One of: {', '.join(map(str, typing.get_args(field.annotation)))}")
     return ". ".join(parts) + "."
@@ -147,18 +147,18 @@ def help_of(field, kind) -> str:
 
 def ends(field, value=None) -> tuple[float, float, bool]:
     """(low, high, hard): the ends of a slider; guessed about the value where the model has none."""
-    found = bounds(field)
-    low = found.least if found.least is not None else found.above
-    high = found.most if found.most is not None else found.below
+    limits = bounds(field)
+    low = limits.least if limits.least is not None else limits.above
+    high = limits.most if limits.most is not None else limits.below
     hard = low is not None and high is not None
     about = abs(float(value)) if isinstance(value, (int, float)) else 1.0
     if low is None:
         low = 0.0 if (value is None or value >= 0) and (high is None or high > 0) else -4.0 * about
     if high is None:
         high = max(4.0 * about, low + 1.0)
-    if found.above is not None and found.least is None:
+    if limits.above is not None and limits.least is None:
         low += (high - low) * 1e-3  # the end itself is not allowed
-    if found.below is not None and found.most is None:
+    if limits.below is not None and limits.most is None:
         high -= (high - low) * 1e-3
     return float(low), float(high), hard
 

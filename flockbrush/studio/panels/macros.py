@@ -1,8 +1,9 @@
 """Simple sliders, each of which changes a few parameters of a brush together.
 
 A slider stands where its first number says; turning it moves the others as far along their own ranges.  Models declare
-them (`Parameters.sliders`), with ranges set by eye.  `TABLE` has ranges for single brushes, found by
-``python benchmarks/macros.py --search``, and what was measured of the slider there.
+them (`Parameters.sliders`), with ranges set by eye.  `TABLE` has what ``python benchmarks/macros.py`` measured of
+sliders of single brushes, and ranges of their own.  A slider that hardly acts is a sentence; the name that a slider has
+goes by what was measured, too.
 """
 
 from __future__ import annotations
@@ -21,11 +22,13 @@ from flockbrush.behaviours.validation import validated
 from flockbrush.studio.panels.knobs import NUMBER, SENTENCE, Knob
 
 TABLE = Path(__file__).with_name("macro_ranges.json")
-GOAL = 3.0  # times that polarization should move as far as any other measure
-HARDLY, SURE = 0.2, 2.0  # of polarization, and deviations between seeds: a slider that moves less hardly acts
-ALSO = {
-    "milling": "milling", "nnd": "spacing", "group_spread": "spread", "largest_part": "splitting",
-    "speed_mean": "speed",
+GOAL = 3.0  # times that the measure a slider is named after moves as far as any other
+ENOUGH = 0.5  # polarization that the slider order moves at least
+SURE = 2.0  # deviations between seeds: a slider that moves its measure less hardly acts
+WORDS = {
+    "polarization": "polarization", "milling": "milling", "nnd": "spacing", "group_spread": "spread",
+    "largest_part": "splitting", "speed_mean": "speed", "turning": "turning", "aspect_ratio": "width / length",
+    "unevenness": "unevenness", "shuffling": "changes of place",
 }  # fmt: skip
 
 
@@ -34,6 +37,7 @@ class Macro(Knob):
     """A slider that moves several numbers of a brush."""
 
     ranges: tuple[Range, ...] = ()
+    slider: str = ""  # what the model and the table call it
 
     def value(self, brush: Brush) -> float:
         """Where it stands, 0 to 1, by its first number."""
@@ -51,7 +55,7 @@ class Macro(Knob):
         for k, part in enumerate(self.ranges):
             table = tables.setdefault(part.table, dict(getattr(brush, part.table)))
             now = table[part.name]
-            table[part.name] = _at(part, value) if k == 0 else _moved(part, now, by)
+            table[part.name] = _at(part, value) if k == 0 else _moved(part, now, by / part.over)
         for name, numbers in tables.items():
             made, mistakes = validated(type(getattr(brush, name)), numbers)
             if made is None:
@@ -80,38 +84,47 @@ def _moved(part, now, by):
 
 
 @cache
-def ranges_by_brush() -> dict[str, dict[str, dict[str, Any]]]:
-    """What was measured of sliders: {slider: {brush: {"polarization", "moves", ..., and "ranges" of its own}}}.
+def measured_sliders() -> dict[str, dict[str, dict[str, Any]]]:
+    """What was measured of sliders, {slider: {brush: entry}}.
 
-    Only the slider order has measurements.
+    An entry has ``moves``, the deviations between seeds by which measures move, first the one that the slider is named
+    after; the course of that one from end to end under its name; and ``ranges`` of its own, if any.
     """
     return json.loads(TABLE.read_text()) if TABLE.exists() else {}
 
 
 def macros_of(brush: Brush, measured: Mapping[str, Any] | None = None) -> list[Macro]:
     """The sliders of a brush; those in the table go by it."""
-    table = ranges_by_brush() if measured is None else measured
+    table = measured_sliders() if measured is None else measured
     found = []
-    for name, (words, ranges) in getattr(brush.params, "sliders", SLIDERS).items():
-        entry = table.get(name, {}).get(brush.name, {})
+    for slider, (ends, ranges, unproved) in getattr(brush.params, "sliders", SLIDERS).items():
+        entry = table.get(slider, {}).get(brush.name, {})
         if "ranges" in entry:
             ranges = tuple(Range(*part) for part in entry["ranges"])
         symbols = ", ".join(part.name for part in ranges)
-        kind, note = _note(name, entry)
-        about = f"{words}. Changes {symbols} together." + (f" Measured: {note}." if note else "")
-        found.append(Macro("macro", name, kind, "", about, note=note, ranges=ranges))
+        kind, note = _note(entry)
+        name = slider if reaches_goal(entry) else unproved or slider
+        about = f"{ends}. Changes {symbols} together." + (f" Measured: {note}." if note else "")
+        found.append(Macro("macro", name, kind, "", about, note=note, ranges=ranges, slider=slider))
     return found
 
 
-def _note(name, entry):
-    """(kind, note): what was measured of a slider where it does less than its name says, or more."""
-    if "polarization" not in entry:
+def reaches_goal(entry: Mapping[str, Any]) -> bool:
+    """Whether a slider was measured to move its measure far, and `GOAL` times as far as any other."""
+    if "moves" not in entry:
+        return False
+    (measure, far), *others = entry["moves"].items()
+    low, high = min(entry[measure]), max(entry[measure])
+    return high - low >= ENOUGH and far >= max([SURE, *(GOAL * by for _, by in others)])
+
+
+def _note(entry):
+    """(kind, note): what was measured of a slider that does less than its name says, or more."""
+    if "moves" not in entry:
         return NUMBER, ""
-    low, high = min(entry["polarization"]), max(entry["polarization"])
-    moves = entry["moves"]
-    if high - low < HARDLY or moves["polarization"] < SURE:
-        spread = (high - low) / max(moves["polarization"], 0.1)
-        return SENTENCE, f"weak effect: polarization {low:.2f} to {high:.2f} ± {spread:.2f}"
-    also = [one for one in ALSO if GOAL * moves[one] > moves["polarization"]]
-    also = sorted(also, key=lambda one: -moves[one])[:2]
-    return NUMBER, f"also changes {' and '.join(ALSO[one] for one in also)}" if also else ""
+    (measure, far), *others = entry["moves"].items()
+    low, high = min(entry[measure]), max(entry[measure])
+    if far < SURE:
+        return SENTENCE, f"weak effect: {WORDS[measure]} {low:.2f} to {high:.2f}"
+    also = sorted((name for name, by in others if GOAL * by > far), key=lambda name: -entry["moves"][name])[:2]
+    return NUMBER, f"also changes {' and '.join(WORDS[one] for one in also)}" if also else ""

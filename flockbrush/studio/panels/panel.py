@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import pygame
-from pygame_gui.elements import UIImage
+from pygame_gui.elements import UIImage, UIScrollingContainer
 
 from flockbrush.render.style import worn
 from flockbrush.studio.theme import chrome, font, px
+from flockbrush.studio.widgets import fitted
 
 FRESH = 0.25  # s; numbers that change faster than this cannot be read, and cost time
 SCROLL_BAR = 20  # pixels, whatever the scale
@@ -100,6 +101,19 @@ class Panel:
         return {brush.name: colour for brush, colour in zip(brushes, colours, strict=True)}
 
 
+class ScrollPanel(Panel):
+    """A tab whose widgets are in a scrolling container, `scroll`, with columns `inner` pixels wide."""
+
+    def make(self):
+        px, area = self.px, self.area
+        place = pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8))
+        self.scroll = UIScrollingContainer(place, self.manager, container=self.container, allow_scroll_x=False)
+        self.wide = self.inner
+
+    def close(self):
+        self.scroll.kill()
+
+
 def palette_of(session):
     """The brushes of the running world."""
     from flockbrush.systems.palette import Palette
@@ -150,15 +164,6 @@ def write(surface, text, at, height, colour, anchor=(0.0, 0.5), bold=False, room
     width, tall = image.get_size()
     surface.blit(image, (round(at[0] - anchor[0] * width), round(at[1] - anchor[1] * tall)))
     return width
-
-
-def fitted(text, letters, room) -> str:
-    """The text, or its beginning with three dots when it is wider than the room."""
-    if letters.size(text)[0] <= room:
-        return text
-    while text and letters.size(text.rstrip() + "…")[0] > room:
-        text = text[:-1]
-    return text.rstrip() + "…" if text else ""
 
 
 def fit(label, text, room):

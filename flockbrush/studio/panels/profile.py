@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 
 import pygame
-from pygame_gui.elements import UILabel, UIScrollingContainer
+from pygame_gui.elements import UILabel
 
 from flockbrush.studio.panels.bars import Bar, bars_picture
-from flockbrush.studio.panels.panel import Panel, Picture
+from flockbrush.studio.panels.panel import Picture, ScrollPanel
 
 FRAME = {
     "simulation": "waiting for ticks, which run in parallel",
@@ -18,7 +18,7 @@ FRAME = {
 MEMORY = 0.3  # share of the newest frame in the mean: a second's frames matter
 
 
-class ProfilePanel(Panel):
+class ProfilePanel(ScrollPanel):
     """Shows milliseconds as bars."""
 
     title = "Profile"
@@ -26,13 +26,10 @@ class ProfilePanel(Panel):
     systems: Picture | None
 
     def make(self):
-        px, area = self.px, self.area
+        super().make()
+        px = self.px
         self.means = dict.fromkeys(FRAME, 0.0)
-        self.scroll = UIScrollingContainer(
-            pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
-            allow_scroll_x=False,
-        )  # fmt: skip
-        self.wide, self.row = self.inner, px(22)
+        self.row = px(22)
         self._head("Frame, mean ms", 0)
         tip = "<br>".join(f"<b>{name}</b>: {meaning}" for name, meaning in FRAME.items())
         self.frame = Picture(
@@ -44,9 +41,6 @@ class ProfilePanel(Panel):
         self._head("Tick by system, mean ms", px(36) + 5 * self.row)
         self.systems = None
         self.refresh()
-
-    def close(self):
-        self.scroll.kill()
 
     def update(self, dt):
         for name, seconds in self.app.seconds.items():

@@ -40,8 +40,10 @@ class Card:
 
 def document_of(program: Program) -> dict[str, Any]:
     """What the file of a program says, as plain data."""
-    told = tomllib.loads(program.source.decode("utf-8-sig"))
-    top: dict[str, Any] = {name: told[name] for name in ("title", "description", "source", "start") if name in told}
+    document = tomllib.loads(program.source.decode("utf-8-sig"))
+    top: dict[str, Any] = {
+        name: document[name] for name in ("title", "description", "source", "start") if name in document
+    }
     states = {name: state_table(state) for name, state in program.states.items()}
     return {"schema": SCHEMA, **top, "state": states, "trigger": [trigger_table(t) for t in program.triggers]}
 
@@ -74,19 +76,19 @@ def cards_of(program: Program, brushes=()) -> list[Card]:
     return cards
 
 
-def _condition_rows(told, path, depth):
+def _condition_rows(condition, path, depth):
     """A row for the kind of a condition, and one for each of its fields; those inside it below."""
     kinds = conditions()
-    word = next(name for name in told if name in kinds)
+    word = next(name for name in condition if name in kinds)
     rows = [ProgramRow(KIND, path, word, tuple(kinds), depth)]
     if kinds[word].inner == "one":
-        return rows + _condition_rows(told[word], (*path, word), depth + 1)
+        return rows + _condition_rows(condition[word], (*path, word), depth + 1)
     if kinds[word].inner == "many":
-        for k, part in enumerate(told[word]):
+        for k, part in enumerate(condition[word]):
             rows += _condition_rows(part, (*path, word, k), depth + 1)
         return rows
     fields = kinds[word].model_fields
-    return rows + [ProgramRow(name, (*path, name), _said(told.get(name)), (), depth) for name in fields]
+    return rows + [ProgramRow(name, (*path, name), _said(condition.get(name)), (), depth) for name in fields]
 
 
 def _said(value) -> str:
@@ -161,11 +163,11 @@ def sample(word: str, states) -> dict[str, Any]:
     if kind.inner:
         inner = sample("event", states)
         return {word: inner if kind.inner == "one" else [inner]}
-    told = {}
+    values = {}
     for k, (name, field) in enumerate(kind.model_fields.items()):
         if k == 0 or field.is_required():
-            told[name] = _first_value(name, field, states)
-    return told
+            values[name] = _first_value(name, field, states)
+    return values
 
 
 def _first_value(name, field, states):

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pygame
 from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED, UI_TEXT_ENTRY_FINISHED
-from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingContainer, UITextEntryLine
+from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UITextEntryLine
 
 from flockbrush.behaviours.program import SUFFIX, load_program, save_program, shipped_programs
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.studio.panels.panel import Panel, fit
+from flockbrush.studio.panels.panel import ScrollPanel, fit
 from flockbrush.studio.panels.program_form import cards_of, changed, with_state, with_trigger, without
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.program_commands import Event, GiveProgram, UseProgram, heard
@@ -19,22 +19,17 @@ from flockbrush.systems.programs import Programs
 from flockbrush.systems.undo import UseBrush
 
 
-class StatesPanel(Panel):
+class StatesPanel(ScrollPanel):
     """Shows one program and changes it by commands, which can be undone."""
 
     title = "States"
     tip = "Change the states of animals and the triggers between them while the herd runs"
 
     def make(self):
-        px, area = self.px, self.area
-        place = pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8))
-        self.scroll = UIScrollingContainer(place, self.manager, container=self.container, allow_scroll_x=False)
+        super().make()
         self.number, self.shown, self.parts, self.rows, self.buttons = 0, None, [], {}, {}
         self.counted: dict = {}
         self.refresh()
-
-    def close(self):
-        self.scroll.kill()
 
     # the world ---------------------------------------------------------------------
 
@@ -51,13 +46,13 @@ class StatesPanel(Panel):
     def put(self, label, source, name, more=()):
         """Bring a program's file into the world, with the brushes of its states; whether it was done."""
         palette, library = self.world.resource(Palette), self.app.session.library
-        wanted = load_program(source.encode(), f"{name}.program.toml").brushes
-        brushes = [library.get(b) for b in wanted if b not in palette.index]
+        brush_names = load_program(source.encode(), f"{name}.program.toml").brushes
+        brushes = [library.get(b) for b in brush_names if b not in palette.index]
         commands = [UseBrush(b.name, b.source.decode()) for b in brushes]
-        done = self.app.session.do(label, [*commands, UseProgram(name, source), *more])
+        applied = self.app.session.do(label, [*commands, UseProgram(name, source), *more])
         self.shown = None
         self.soon()
-        return done
+        return applied
 
     def give(self, name):
         """Have all animals follow a shipped program."""
@@ -130,11 +125,11 @@ class StatesPanel(Panel):
             self.shown = known
             self._lay_out(program)
         if program is not None:
-            here = counts(self.world)[program.name]
+            state_counts = counts(self.world)[program.name]
             for state, label in self.counted.items():
-                said = f"{state}   {here.get(state, 0):,}"
-                if label.text != said:
-                    label.set_text(said)
+                text = f"{state}   {state_counts.get(state, 0):,}"
+                if label.text != text:
+                    label.set_text(text)
 
     def _brushes(self):
         return self.app.session.library.names()
@@ -191,11 +186,11 @@ class StatesPanel(Panel):
         self._label(row.label, px(6 + 10 * row.depth), y, left - px(8 + 10 * row.depth))
         place = pygame.Rect(left, y, self.inner - left, px(26))
         if row.choices and row.text in row.choices:
-            made = UIDropDownMenu(list(row.choices), row.text, place, self.manager, container=self.scroll)
+            widget = UIDropDownMenu(list(row.choices), row.text, place, self.manager, container=self.scroll)
         else:
-            made = UITextEntryLine(place, self.manager, container=self.scroll, initial_text=row.text)
-        self.rows[made] = row
-        self.parts.append(made)
+            widget = UITextEntryLine(place, self.manager, container=self.scroll, initial_text=row.text)
+        self.rows[widget] = row
+        self.parts.append(widget)
 
     def _label(self, text, x, y, wide, kind="@row"):
         place = pygame.Rect(x, y, wide, self.px(26))

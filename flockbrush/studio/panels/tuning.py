@@ -62,13 +62,13 @@ def as_new(brush: Brush, asset: Brush, name: str, today: datetime.date) -> Brush
     ValueError
         When the name is none for a brush.
     """
-    told = [f"{knob.words} {knob.said(was)} -> {knob.said(value)}" for knob, value, was in changes(brush, asset)]
+    differences = [f"{knob.words} {knob.said(was)} -> {knob.said(value)}" for knob, value, was in changes(brush, asset)]
     provenance = Provenance(
         kind="hand-set",
         source=f"brush '{asset.name}' (SHA-256 {asset.sha256[:16]}), tuned in a running simulation",
         date=today,
         by="Flockbrush playground",
-        notes=f"Changed: {'; '.join(told)}." if told else f"Same parameters as '{asset.name}'.",
+        notes=f"Changed: {'; '.join(differences)}." if differences else f"Same parameters as '{asset.name}'.",
     )
     fields = dict(brush) | {"name": name, "title": name.replace("-", " ").replace("_", " "), "provenance": provenance}
     try:

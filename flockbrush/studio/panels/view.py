@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pygame
 from pygame_gui import UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED, UI_DROP_DOWN_MENU_CHANGED
-from pygame_gui.elements import UICheckBox, UIDropDownMenu, UILabel, UIScrollingContainer
+from pygame_gui.elements import UICheckBox, UIDropDownMenu, UILabel
 
 from flockbrush.render.overlay_registry import OVERLAYS, load_overlays
 from flockbrush.render.style import PALETTES, THEMES
-from flockbrush.studio.panels.panel import Panel
+from flockbrush.studio.panels.panel import ScrollPanel
 
 ALWAYS = {
     "trails": ("Trails", "Path of each animal in the last seconds"),
@@ -23,19 +23,15 @@ AUTOMATIC = "automatic"
 SCALES = (0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 
 
-class ViewPanel(Panel):
+class ViewPanel(ScrollPanel):
     """Settings of overlays, camera, colours and text size."""
 
     title = "View"
     tip = "Overlays, camera, colours and text size"
 
     def make(self):
-        px, area = self.px, self.area
-        self.scroll = UIScrollingContainer(
-            pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8)), self.manager, container=self.container,
-            allow_scroll_x=False,
-        )  # fmt: skip
-        self.wide = self.inner
+        super().make()
+        px = self.px
         self.camera, self.boxes, y = {}, {}, self._head("Camera", 0)
         for name, (words, tip) in CAMERA.items():
             self.camera[name] = self._check(words, tip, y, self._camera_now(name))
@@ -58,9 +54,6 @@ class ViewPanel(Panel):
         self.scale = self._menu([AUTOMATIC, *map(said, SCALES)], self._scale_now(), y)
         y += px(38)
         self.scroll.set_scrollable_area_dimensions((self.wide, y))
-
-    def close(self):
-        self.scroll.kill()
 
     def refresh(self):
         for name, box in self.boxes.items():
@@ -123,18 +116,18 @@ class ViewPanel(Panel):
 
     def _scale_now(self) -> str:
         """What the person has chosen, as the drop-down says it."""
-        wanted = self.app.settings.ui_scale if self.app.settings is not None else None
-        return said(min(SCALES, key=lambda scale: abs(scale - wanted))) if wanted else AUTOMATIC
+        chosen = self.app.settings.ui_scale if self.app.settings is not None else None
+        return said(min(SCALES, key=lambda scale: abs(scale - chosen))) if chosen else AUTOMATIC
 
 
 def overlays() -> dict[str, dict[str, tuple[str, str]]]:
     """{heading: {name: (title, what it shows)}} of everything that can be laid over the herd."""
     load_overlays()
-    found: dict = {"Herd": dict(ALWAYS), "Ground": {}, "Selected animal": {}}
+    groups: dict = {"Herd": dict(ALWAYS), "Ground": {}, "Selected animal": {}}
     for name, overlay in OVERLAYS.items():
         heading = "Selected animal" if overlay.of_one else "Ground" if overlay.below else "Herd"
-        found[heading][name] = overlay.title, overlay.tip
-    return found
+        groups[heading][name] = overlay.title, overlay.tip
+    return groups
 
 
 def said(scale) -> str:

@@ -36,15 +36,15 @@ class AddAnimalsTool(Stroke):
             self._tell_of_paint(stop, brush)
 
     def begin(self, xy):
-        self._told = False
+        self._warned = False
         super().begin(xy)
 
     def _tell_of_paint(self, xy, brush):
         """Say once a stroke that painted ground gives another brush to those who have come."""
         app = self.app
         painted = app.painted_under(xy, app.species_of(brush))
-        if painted not in ("", brush) and not self._told:
-            self._told = True
+        if painted not in ("", brush) and not self._warned:
+            self._warned = True
             app.notify(
                 f"the ground here is painted with {painted}: animals follow that brush here, and {brush} elsewhere"
             )
@@ -128,14 +128,12 @@ class Select(Tool):
             return
         app = self.app
         app.select(app.animal_at(xy, self.reach(9)))
-        found = [] if app.selected is not None else app.things_at([xy], self.reach(), KINDS)
-        self.thing = (found[0][0], found[0][1].id) if found else None
+        hits = [] if app.selected is not None else app.things_at([xy], self.reach(), KINDS)
+        self.thing = (hits[0][0], hits[0][1].id) if hits else None
         self._pressed = xy if self.thing else None
-        if found:
-            kind = SPOKEN.get(found[0][0], found[0][0])
-            app.set_hint(
-                f"{kind} {found[0][1].name!r}: drag to move it, P to edit its properties, Delete to remove it."
-            )
+        if hits:
+            kind = SPOKEN.get(hits[0][0], hits[0][0])
+            app.set_hint(f"{kind} {hits[0][1].name!r}: drag to move it, P to edit its properties, Delete to remove it.")
 
     def drag(self, xy):
         pass

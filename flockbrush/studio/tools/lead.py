@@ -35,10 +35,10 @@ class Lead(Tool):
     def press(self, xy, button, mods):
         if button != 1:
             return
-        found = self.app.animal_at(xy, self.reach(9))
-        if found is not None:
+        animal = self.app.animal_at(xy, self.reach(9))
+        if animal is not None:
             self._free()
-            self.app.select(found)
+            self.app.select(animal)
         elif self._is_there():
             self._send_to(xy)
 
@@ -117,15 +117,15 @@ class Lead(Tool):
         self._join = ""
 
     def cursor(self, surface, camera):
-        here = self._position()
-        if here is None:
+        position = self._position()
+        if position is None:
             return
         ink = self.app.accent
-        there = self.place
+        target = self.place
         if self._way is not None:
             far = self.reach(60)
-            there = here[0] + far * self._way[0], here[1] + far * self._way[1]
-        self.circle(surface, camera, here, self.reach(10), ink, max(1, round(2 * self.app.scale)))
-        if there is not None:
-            self.path(surface, camera, [here, there], ink)
-            self.dots(surface, camera, [there], ink)
+            target = position[0] + far * self._way[0], position[1] + far * self._way[1]
+        self.circle(surface, camera, position, self.reach(10), ink, max(1, round(2 * self.app.scale)))
+        if target is not None:
+            self.path(surface, camera, [position, target], ink)
+            self.dots(surface, camera, [target], ink)

@@ -63,8 +63,8 @@ class KeyTool(Tool):
     def press(self, xy, button, mods):
         if button != 1 or self.app.is_off_map(xy, xy, 0.0):
             return
-        found = self.app.things_at([xy], self.reach(), kinds=("key",))
-        self.app.ask_key(xy, found[0][1] if found else None)
+        hits = self.app.things_at([xy], self.reach(), kinds=("key",))
+        self.app.ask_key(xy, hits[0][1] if hits else None)
 
     def cursor(self, surface, camera):
         keys = [thing.xy for kind, thing in things(self.app.session.simulation) if kind == "key"]

@@ -142,9 +142,9 @@ class Pick(Tool):
         if animal is not None:
             return app.take("brush", app.brush_of(animal))
         for layer in ("cap", "brush", "surface"):
-            found = pick(world, layer, *xy)
-            if found:
-                return app.take(layer, found)
+            picked = pick(world, layer, *xy)
+            if picked:
+                return app.take(layer, picked)
         app.notify("nothing is painted here")
 
 

@@ -203,9 +203,9 @@ class PathTool(ShapeTool):
 
     def _hold(self, xy) -> bool:
         """Take hold of a point of a line; of a new one where the mouse is between two."""
-        found = self._point_at(xy)
-        if found is not None:
-            line, index = found
+        hit = self._point_at(xy)
+        if hit is not None:
+            line, index = hit
             self.held = (line, [tuple(p) for p in np.asarray(line.points).tolist()], index)
             return True
         for _, line in self.app.things_at([xy], self.reach(), kinds=(self.name,)):
@@ -218,22 +218,22 @@ class PathTool(ShapeTool):
 
     def _point_at(self, xy):
         """(line, index) of the nearest point of any line within reach, or None."""
-        best, found = self.reach(10), None
+        best, hit = self.reach(10), None
         for kind, line in things(self.app.session.simulation):
             if kind == self.name:
                 away = np.hypot(*(np.asarray(line.points) - xy).T)
                 if away.min() <= best:
-                    best, found = float(away.min()), (line, int(away.argmin()))
-        return found
+                    best, hit = float(away.min()), (line, int(away.argmin()))
+        return hit
 
     def _drop(self, xy):
         """Take a point out of a line; with the last but one the line goes."""
         from flockbrush.systems.edits import RemoveThing
 
-        found = self._point_at(xy)
-        if found is None:
+        hit = self._point_at(xy)
+        if hit is None:
             return False
-        line, index = found
+        line, index = hit
         if len(line.points) <= 2:
             self.app.do(f"remove {self.spoken}", [RemoveThing(self.name, line.id)])
         else:
@@ -356,8 +356,8 @@ class GoalTool(SpanTool):
     def press(self, xy, button, mods):
         if button != 1:
             return
-        found = self.app.things_at([xy], self.reach(10), kinds=("goal",))
-        self.held = found[0][1] if found else None
+        hits = self.app.things_at([xy], self.reach(10), kinds=("goal",))
+        self.held = hits[0][1] if hits else None
         super().press(xy, button, mods)
 
     def draw(self, a, b):

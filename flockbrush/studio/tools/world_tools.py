@@ -24,16 +24,16 @@ def things(simulation) -> list[tuple[str, object]]:
 
     land = simulation.world.resource(Landscape)
     nursery = simulation.world.resource(Nursery)
-    found: list[tuple[str, object]] = [("zone", thing) for thing in land.marks.zones]
-    found += [("spawn", spawn) for spawn in nursery.spawns if hasattr(spawn, "polygon")]
-    found += [("area", thing) for thing in land.marks.areas]
-    found += [("exit", thing) for thing in land.exits if hasattr(thing, "polygon")]
-    found += [("obstacle", thing) for thing in land.barriers]
-    found += [("guide", thing) for thing in land.guides]
-    found += [("goal", thing) for thing in land.goals]
-    found += [("line", thing) for thing in land.marks.lines]
-    found += [("key", thing) for thing in land.marks.keys]
-    return found
+    result: list[tuple[str, object]] = [("zone", thing) for thing in land.marks.zones]
+    result += [("spawn", spawn) for spawn in nursery.spawns if hasattr(spawn, "polygon")]
+    result += [("area", thing) for thing in land.marks.areas]
+    result += [("exit", thing) for thing in land.exits if hasattr(thing, "polygon")]
+    result += [("obstacle", thing) for thing in land.barriers]
+    result += [("guide", thing) for thing in land.guides]
+    result += [("goal", thing) for thing in land.goals]
+    result += [("line", thing) for thing in land.marks.lines]
+    result += [("key", thing) for thing in land.marks.keys]
+    return result
 
 
 def touches(kind, thing, xy, reach) -> bool:
@@ -89,8 +89,8 @@ def outline(kind, thing):
 
 def free_name(simulation, kind) -> str:
     """A name that no thing of this kind has yet: "goal 2"."""
-    taken = {getattr(thing, "name", "") for there, thing in things(simulation) if there == kind}
-    return next(name for n in range(1, len(taken) + 2) if (name := f"{kind} {n}") not in taken)
+    used_names = {getattr(thing, "name", "") for other_kind, thing in things(simulation) if other_kind == kind}
+    return next(name for n in range(1, len(used_names) + 2) if (name := f"{kind} {n}") not in used_names)
 
 
 def moved(app, kind, thing, shift):
@@ -99,7 +99,7 @@ def moved(app, kind, thing, shift):
 
     command = as_command(app.session.simulation.world, kind, thing.id)
     points = getattr(command, "points", None)
-    told = {"points": rows(np.asarray(points) + shift)} if points else {}
+    changes = {"points": rows(np.asarray(points) + shift)} if points else {}
     if kind in ("goal", "key"):
-        told |= dict(zip("xy", (np.asarray(thing.xy) + shift).tolist(), strict=True))
-    return replace(command, **told)
+        changes |= dict(zip("xy", (np.asarray(thing.xy) + shift).tolist(), strict=True))
+    return replace(command, **changes)

@@ -12,10 +12,11 @@ from flockbrush.film.camera_maps import Steady, after, back, fitted, moved_by, s
 from flockbrush.film.clip_fields import Collector, grid_over, moments, painted, read_colours
 from flockbrush.film.clip_reader import open_clip
 from flockbrush.film.flow import gap_of
+from flockbrush.film.landmarks import Landmark
 from flockbrush.film.masks import colours_of
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.observe import observe
-from flockbrush.film.stabilise import GroundLandmark, _Follower, follow_landmarks, register
+from flockbrush.film.stabilise import _Follower, follow_landmarks, register
 from flockbrush.learning.rollout import Gates
 
 SIZE = (480, 360)
@@ -77,7 +78,7 @@ def test_pictures_taken_aslant_at_first_do_not_spoil_those_taken_from_above(tilt
 
 
 def test_two_landmarks_do_as_well(band):
-    marks = [GroundLandmark(3, 30, 40, 60, 50), GroundLandmark(12, 380, 260, 60, 50)]
+    marks = [Landmark(3, 30, 40, 60, 50), Landmark(12, 380, 260, 60, 50)]
     steady = follow_landmarks(open_clip(band.path), marks)
     assert max(off(steady.maps, band)) < 2.5 and np.median(off(steady.maps, band)) < 1.5
 
@@ -86,11 +87,11 @@ def test_a_landmark_that_leaves_the_picture_or_is_plain_is_told(band, tmp_path):
     truth = herd("band", count=6, seconds=1.0, fps=25, seed=1)
     away = shoot(truth, tmp_path / "away.mp4", SIZE, 16.0, Camera(drift=(14.0, 0.0), turn=0, zoom=0), seed=2)
     with pytest.raises(CannotObserve, match=r"the rectangle of frame 0 was lost at frame \d+; draw it around"):
-        follow_landmarks(open_clip(away.path), [GroundLandmark(0, 20, 100, 60, 50)])
+        follow_landmarks(open_clip(away.path), [Landmark(0, 20, 100, 60, 50)])
     with pytest.raises(CannotObserve, match="must be a rectangle .* inside the picture of 480 x 360"):
-        follow_landmarks(open_clip(band.path), [GroundLandmark(0, 470, 100, 60, 50)])
+        follow_landmarks(open_clip(band.path), [Landmark(0, 470, 100, 60, 50)])
     with pytest.raises(CannotObserve, match="in a frame that is not used; used frames: 0 to 19"):
-        follow_landmarks(open_clip(band.path), [GroundLandmark(99, 20, 100, 60, 50)])
+        follow_landmarks(open_clip(band.path), [Landmark(99, 20, 100, 60, 50)])
 
 
 def test_a_camera_that_stands_is_left_alone(still):

@@ -203,10 +203,11 @@ def test_a_program_that_is_killed_has_kept_what_was_done_before(tmp_path, monkey
     assert kept[1] > kept[0] > 0
 
 
-@pytest.mark.slow
-def test_two_processes_learn_what_one_does(clip, found):
-    other = learn(clip, FEW, jobs=2)
-    assert np.array_equal(other.theta, found.theta)
+def test_two_processes_try_what_one_does(clip):
+    given = _setting((clip,), FEW)
+    tasks = [{"theta": [at] * 12, "extras": {}, "seeds": [1], "held": False} for at in (0.3, 0.6)]
+    with Workers(given) as one, Workers(given, jobs=2) as two:
+        assert one.map(attempt, tasks) == two.map(attempt, tasks)
 
 
 def test_evolution_lets_nobody_wander_by_more_than_the_fits_leave_over():

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.foreign_herds import Truth
 from benchmarks.herd_film import evidence_of_truth
+from flockbrush.film.pair_density import pairs_of_bodies
 from flockbrush.learning.herd_views import fields_of, told_apart, view_of, view_of_run
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.scores import (
@@ -177,6 +178,20 @@ def test_a_clip_without_animals_told_apart_is_compared_by_its_fields():
     assert distance(run_of(*march()), clip, target)["neighbours"] < 0.1
     squeezed = run_of(0.7 * tight[0] + 0.3 * tight[0].mean(1, keepdims=True), tight[1])
     assert distance(squeezed, clip, target)["neighbours"] > 2.0
+
+
+def test_the_mask_tells_spacing_that_cells_do_not():
+    xy, forward = march()
+    clip = dataclasses.replace(clip_of(xy, forward, cell=6.0), sightings=None)
+    around = np.array([pairs_of_bodies(*frame, 0.2) for frame in zip(xy, forward, strict=True)])
+    clip.fields.pairs = around
+    target = ClipTarget.of(clip)
+    two_by_two = xy + 0.5 * np.sign(np.arange(49) % 2 - 0.5)[None, :, None] * np.array([0.0, 1.0])
+    same, paired = (distance(run_of(places, forward), clip, target) for places in (xy, two_by_two))
+    assert same["pairs"] < 1e-9 and paired["pairs"] > 4.0
+    assert paired["density"] < 2.0  # of cells of six body lengths
+    partly = dataclasses.replace(clip, fields=dataclasses.replace(clip.fields, pairs=None))
+    assert "pairs" not in distance(run_of(xy, forward), partly, ClipTarget.of(partly))
 
 
 def test_of_a_photograph_the_directions_of_bodies_are_compared():

@@ -7,9 +7,10 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from benchmarks import foreign_herds, herd_film
+from flockbrush.film.body_matching import follow, matched
 from flockbrush.film.body_outlines import bodies_of, size_of_bodies
 from flockbrush.film.body_shapes import Outlines
-from flockbrush.film.sightings import follow, matched, sightings_of
+from flockbrush.film.sightings import sightings_of
 
 FISH = Path(__file__).parents[4] / "shared/data/zebrafish_100/test_trajectories.npy"
 TO_BL = np.array([[0.1, 0.0, 0.0], [0.0, -0.1, 40.0]])  # 10 px to a body length

@@ -47,8 +47,9 @@ def test_an_animal_turns_in_torch_as_in_a_run(seed):
     species = np.random.default_rng(seed).integers(0, 2, len(xy)) if seed % 2 else None
     view = VisionSpec(range=3.0 + seed % 3, occlusion=seed % 4 < 3)
     percept = perceive(xy, forward, BodySpec(), view, walls=SQUARE, species=species)
-    params = params_of(some_theta(seed))
-    ours = headings(theta_tensor(some_theta(seed)), sight_of(percept), DT)
+    bias = 0.5 * (seed - 4)
+    params = params_of(some_theta(seed), {"turn_bias": bias})
+    ours = headings(theta_tensor(some_theta(seed)), sight_of(percept), DT, turn_bias=bias)
     assert np.abs(ours.cpu().numpy() - by_kernel(percept, params)).max() < 1e-9
 
 

@@ -14,7 +14,7 @@ SELDOM = 8  # ticks between two hashes of a large state
 _beside = ThreadPoolExecutor(1, "packing")
 
 
-class Scribe:
+class BranchRecorder:
     """The recording of one branch in a file, from its beginning on.
 
     Parameters

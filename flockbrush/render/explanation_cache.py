@@ -1,20 +1,20 @@
-"""What overlays were told of an animal, asked once for each tick."""
+"""The explanation of the selected animal for overlays, computed once per tick."""
 
 from __future__ import annotations
 
 from flockbrush.systems.explain import explain
 
 
-class AskedAbout:
-    """The explanation of an animal of a running world, asked once for each tick."""
+class ExplanationCache:
+    """The explanation of an animal of a running world, computed once per tick."""
 
     def __init__(self, simulation):
-        # held: while a tick runs nobody looks at the world: what was told before it still holds
+        # held: a tick is running, so the world must not be read and the last explanation is kept
         self.simulation, self.held = simulation, False
         self._known: tuple = (None, None)
 
     def of(self, entity):
-        """What `explain` says of an animal; None when it is not there, or was not asked about before a tick."""
+        """The `Explanation` of an animal; None if it does not exist, or was not known before the running tick."""
         if self.held:
             return self._known[1] if self._known[0] and self._known[0][0] == entity else None
         key = (entity, self.simulation.clock.tick, id(self.simulation.world))
