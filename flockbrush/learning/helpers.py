@@ -42,7 +42,8 @@ class Helpers:
     """
 
     def __init__(self, jobs: int = 1):
-        self.jobs, self._pool = max(1, int(jobs)), None
+        self.jobs = max(1, int(jobs))
+        self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self):
         return self

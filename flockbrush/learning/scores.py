@@ -24,7 +24,7 @@ from scipy.spatial import cKDTree
 
 from flockbrush.engine.maths import atan2_
 from flockbrush.film.observations import Evidence, Fields
-from flockbrush.film.pair_density import RING, RINGS, pairs_of_bodies
+from flockbrush.film.pair_density import AREA, pairs_of_bodies
 from flockbrush.learning.axis_variance import mean_variance, variance_told
 from flockbrush.learning.herd_views import HerdView, in_picture, told_apart, view_of, view_of_run
 from flockbrush.learning.rollout import Run
@@ -52,7 +52,8 @@ COUNTS = {
 }
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
-BEYOND_BODY = np.arange(RINGS) * RING >= 0.5  # rings of `flockbrush.film.pair_density` that are not the body's own
+WITHIN = np.array([2, 3, 4, 5, 7, 11])  # rings of `flockbrush.film.pair_density`, up to which others are counted
+FEW = 0.2  # others, below which shares mean nothing
 KNOWN = 0.5  # of its moments a measure must be told in to count
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
@@ -301,7 +302,8 @@ class ClipTarget:
     spacing: np.ndarray = field(default_factory=lambda: np.full(9, np.nan))
     headed: bool = True  # whether headings are known
     pairs: np.ndarray | None = None  # (RINGS,) of a film of animals that cannot be told apart, means over its frames
-    pairs_scale: float = FLOOR  # mean of what its frames are off that
+    pairs_end: np.ndarray | None = None  # what they come to, as `end`
+    pairs_scale: float = FLOOR  # mean of what its frames are off their mean
 
     @classmethod
     def of(cls, evidence: Evidence, every=None, single=None):
@@ -329,8 +331,11 @@ class ClipTarget:
         if single or evidence.fields.pairs is None:
             return cls(*told)
         pairs = np.asarray(evidence.fields.pairs)[::every]
-        usual = mean_pairs(pairs)
-        return cls(*told, usual, max(float(np.mean([pairs_off(row, usual) for row in pairs])), FLOOR))
+        usual, third = mean_pairs(pairs), max(1, len(pairs) // 3)
+        scale = max(float(np.mean([pairs_off(row, usual) for row in pairs])), FLOOR)
+        first, last = mean_pairs(pairs[:third]), mean_pairs(pairs[-third:])
+        share = pairs_off(first, last) ** 2 / (pairs_off(first, last) ** 2 + scale**2)
+        return cls(*told, usual, usual + share * (last - usual), scale)
 
 
 def _in_the_end(values, mean, scale):
@@ -361,9 +366,10 @@ def mean_pairs(rows) -> np.ndarray:
 
 
 def pairs_off(a, b) -> float:
-    """How unlike the densities around a body are, beyond its own length: 0 the same, 2 nothing in common."""
-    both = np.isfinite(a) & np.isfinite(b) & BEYOND_BODY
-    return float(2 * np.abs(a - b)[both].sum() / max((a + b)[both].sum(), 1e-12))
+    """How unlike the numbers of others within some distances of a body are, as shares: 0 the same, 2 nothing alike."""
+    both = np.isfinite(a) & np.isfinite(b)
+    one, other = (np.maximum(np.cumsum(np.where(both, n, 0.0) * AREA)[WITHIN] - 1.0, 0.0) for n in (a, b))
+    return float(np.mean(2 * np.abs(one - other) / (one + other + FEW)))
 
 
 def _directions(fields):
@@ -420,9 +426,11 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
     if target.pairs is not None:
         inside = in_picture(run, evidence.fields)
         looks = [np.flatnonzero(inside[run.of(t)]) + run.first[t] for t in range(0, len(run), every)]
-        mine = [pairs_of_bodies(run.xy[r], run.forward[r], evidence.radius_bl) for r in looks]
-        mine = mean_pairs(mine[len(mine) // 3 :] if lasting else mine)
-        out["pairs"] = _in_deviations(pairs_off(mine, target.pairs), target.pairs_scale)
+        pairs = [pairs_of_bodies(run.xy[r], run.forward[r], evidence.radius_bl) for r in looks]
+        mean = mean_pairs(pairs[len(pairs) // 3 :] if lasting else pairs)
+        out["pairs"] = _in_deviations(
+            pairs_off(mean, target.pairs_end if lasting else target.pairs), target.pairs_scale
+        )
     around, theirs = neighbour_map(view, every=max(4, len(run) // LOOKS)), target.map
     if not target.headed:  # then only how far neighbours are is known, and not where
         around, theirs = around.mean(1, keepdims=True), theirs.mean(1, keepdims=True)

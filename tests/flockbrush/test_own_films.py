@@ -41,7 +41,7 @@ def test_a_clean_film_of_a_level_is_seen_as_the_herd_was(level, tmp_path):
     [*((level, "too small to separate") for level in TOO_SMALL), *((level, "nothing moves") for level in RESTING)],
 )
 def test_why_a_clean_film_of_a_level_cannot_be_read_is_said(level, why, tmp_path):
-    film(level, tmp_path / "walk.mp4", seconds=0.8)
+    film(level, tmp_path / "walk.mp4")
     try:
         said = "; ".join(Watch.of(tmp_path / "walk.mp4", None, (), "auto", None, 30, None, None, silent).notes)
     except CannotObserve as error:

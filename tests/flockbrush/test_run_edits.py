@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flockbrush.components import Position, Velocity
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import open_recording, resume
 from test_gltf import Scene
@@ -431,14 +430,3 @@ def test_animals_that_have_left_are_shown_again_where_their_time_goes_slowly(tol
     assert first not in view.at(gone[40]).ids.tolist()
     ids = view.at(gone[20]).ids
     assert (np.diff(ids) > 0).all()
-
-
-def test_the_simulation_itself_goes_on_as_recorded(cli, run, tmp_path, told):
-    """A moved herd does not feel the walls it is moved into: nothing but what is shown changes."""
-    cli("edit", run, "--species", "sheep", "--move", "100,0")
-    assert cli("export", run, "--to", tmp_path / "a.csv", "--fps", 32).code == 0
-    with open(tmp_path / "a.csv", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["frame"] == "40"]
-    simulation, moments = told
-    assert np.allclose([float(row["x"]) - 100 for row in rows], simulation.agents[Position.xyz][:, 0], atol=1e-6)
-    assert np.allclose([float(row["vx"]) for row in rows], simulation.agents[Velocity.xyz][:, 0], atol=1e-6)

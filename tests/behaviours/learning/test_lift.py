@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flockbrush.film.tracks import Tracks, read_tracks, smoothed
-from flockbrush.lifting.banded import add_squares, banded_product, solve_banded
+from flockbrush.lifting.banded import banded_product, solve_banded
 from flockbrush.lifting.lens import Camera
 from flockbrush.lifting.lift_solver import (
     EVENNESS,
@@ -173,15 +173,6 @@ def test_banded_systems_are_solved_as_full_ones(seed, size, wide):
     bands[:, 0] = np.abs(bands).sum() + 1.0
     side = chance.normal(size=size)
     assert solve_banded(bands.copy(), side) == pytest.approx(np.linalg.solve(full(bands), side))
-
-
-def test_squares_are_added_where_they_belong():
-    chance = np.random.default_rng(0)
-    bands, places, vectors = np.zeros((9, 6)), np.array([1, 2, 5, 6]), chance.normal(size=(3, 4))
-    add_squares(bands, places, vectors, 2.0)
-    expected = np.zeros((9, 9))
-    expected[np.ix_(places, places)] = 2.0 * vectors.T @ vectors
-    assert full(bands) == pytest.approx(expected)
 
 
 def test_a_system_that_is_not_positive_has_no_solution():
