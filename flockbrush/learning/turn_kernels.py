@@ -75,6 +75,7 @@ class TurnLaw(NamedTuple):
     neighbour_range: float  # BL
     limit: float  # rad a tick
     drift: float  # rad, by which a turn wanders in a tick
+    aside: float  # rad a tick, steady turning to the left
 
 
 class Gaussians(NamedTuple):
@@ -147,7 +148,7 @@ def turn_kernel(lo, hi, turns, theta, law, turn, slope):
                 _add(sums, forces, 3, walls, many_walls, AT_X, ALL, -1.0, sloped)
             else:
                 sums.x[3], sums.y[3] = 0.0, 0.0
-            hx, hy = _next_heading(sums, forces, gain, fx, fy, d, dx, dy, sloped)
+            hx, hy = _next_heading(sums, forces, gain, law.aside, fx, fy, d, dx, dy, sloped)
             if turns.radius > 0.0:
                 hx, hy = _turned_aside(turns, i, time, fx, fy, hx, hy, dx, dy)
             size = hx * hx + hy * hy
@@ -267,10 +268,10 @@ def _weighed(column, step, n, what, whose, radial, angular, sloped):
 
 
 @njit(inline="always")
-def _next_heading(sums, forces, gain, fx, fy, d, dx, dy, sloped):
+def _next_heading(sums, forces, gain, aside, fx, fy, d, dx, dy, sloped):
     """Eqs. 3 and 2: the wished heading, and its derivatives into ``dx`` and ``dy``, those of the angle being ``d``."""
     weight = forces.weight
-    hx, hy, own_x, own_y = fx, fy, -fy, fx
+    hx, hy, own_x, own_y = fx - aside * fy, fy + aside * fx, -fy - aside * fx, fx - aside * fy
     for f in range(4):
         hx += gain * weight[f] * sums.x[f, 0]
         hy += gain * weight[f] * sums.y[f, 0]

@@ -193,7 +193,7 @@ def predicted(turns: Turns, theta, params=None, sloped=True):
     k = len(turns.rows)
     turn, slope = np.empty(k), np.empty((k, 12) if sloped else (0, 0, 12))
     limit, drift = params.max_turn * turns.dt, params.wander * turns.dt**0.5
-    law = TurnLaw(params.sensitivity, params.neighbour_range, limit, drift)
+    law = TurnLaw(params.sensitivity, params.neighbour_range, limit, drift, params.turn_bias * turns.dt)
     over_rows(turn_kernel, k, turns, np.asarray(theta, float), law, turn, slope, chunk=512)
     return turn, slope
 

@@ -68,6 +68,17 @@ def test_turns_of_one_tick_are_those_of_torch(radius):
     assert np.abs(theirs.numpy() - slope).max() < 1e-8
 
 
+def test_derivatives_hold_for_animals_that_prefer_a_side_and_turns_alone_are_the_same():
+    turns, theta = some_turns(6, 2.0), np.random.default_rng(7).uniform(0.1, 0.9, 12)
+    params = Params(max_turn=200.0, turn_bias=1.5)
+    turn, slope = predicted(turns, theta, params)
+    assert np.abs(turn - predicted(turns, theta, Params(max_turn=200.0))[0]).max() > 0.02
+    step = np.eye(12)[3] * 1e-6
+    ahead, behind = (predicted(turns, theta + way * step, params, False)[0] for way in (1, -1))
+    assert np.allclose(slope[:, 3], (ahead - behind) / 2e-6, atol=1e-6)
+    assert np.array_equal(turn, predicted(turns, theta, params, False)[0])
+
+
 def test_neighbours_walk_on_between_the_ticks():
     """Two side by side, the other goes ahead: after some ticks who follows him turns another way."""
     turns = some_turns(5, 3.0)
