@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.components import Position, Role, Species, Velocity
 from flockbrush.levels import reader
 from flockbrush.levels.build import build
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.groups import measures_of
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.leaders import Steer
 from flockbrush.systems.population import SpeciesList
@@ -184,3 +186,13 @@ def finely(corners):
     """Points all along a closed line (k, 2)."""
     share = np.linspace(0.0, 1.0, 50)[:, None]
     return np.concatenate([a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)])
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_flock_that_pillars_tear_apart_becomes_one_again(seed):
+    scene = start("pillars", seed=seed)
+    together = []
+    for _ in range(22):
+        scene.run(RATE)
+        together.append(measures_of(scene.world)["largest_part"])
+    assert min(together) < 0.7 and together[-1] > 0.95
