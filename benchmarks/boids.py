@@ -11,7 +11,7 @@ the flock, in float32.  On a shared machine read the CPU times (all threads, lea
 ``pillars``: 60 starlings fly through 24 random pillars, a new field for every seed.  For each flock it prints the
 least distance between a bird and an obstacle in any tick, the share of birds that got through, the smallest size of
 its largest part, and when the flock was whole again: nine tenths of it in one part, with links of 4 m.  With
-``--together`` the birds see farther than they respond to neighbours, and have the drive ``keep_group``.
+``--together`` the birds see, fly and keep together as those of the brush `starlings`.
 
 ``plane``: see `boids_plane`.
 """
@@ -140,7 +140,7 @@ def row(n, threads, rounds, program, folder):
 
 def field_of_pillars(seed, way, together=False, birds=60, pillars=24):
     """Return a flock sent through random round and square pillars, to a point beyond them or just east."""
-    asset = boids(separation=5.0)
+    asset = boids(separation=5.0, min_speed=20.0) if together else boids(separation=5.0)
     if together:
         far = asset.vision.model_copy(update={"range": FAR})
         asset = asset.model_copy(update={"vision": far, "drives": {"keep_group": TOGETHER}})

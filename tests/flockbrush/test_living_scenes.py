@@ -89,7 +89,7 @@ def test_lake_skeins_meet_land_rest_and_leave_and_a_falcon_scatters_starlings():
     for _ in range(8):
         run(scene, 2 * RATE)
         scattered = max(scattered, spread(places(scene, "starling")))
-    assert scattered > 3 * flock
+    assert scattered > 2.5 * flock
     run(scene, 19 * RATE)
     assert scene.states()["lake-goose"]["rest"] == 20 and scene.states()["falcon"]["leave"] == 1
     closed = scattered
@@ -191,8 +191,9 @@ def finely(corners):
 @pytest.mark.parametrize("seed", [3, 5])
 def test_a_flock_that_pillars_tear_apart_becomes_one_again(seed):
     scene = start("pillars", seed=seed)
-    together = []
+    parts = []
     for _ in range(22):
         scene.run(RATE)
-        together.append(measures_of(scene.world)["largest_part"])
-    assert min(together) < 0.7 and together[-1] > 0.95
+        parts.append(measures_of(scene.world)["largest_part"])
+    torn = next(k for k in range(5, 22) if parts[k] < 0.7)  # they begin scattered
+    assert max(parts[3:torn]) > 0.95 and max(parts[torn : torn + 12]) > 0.95
