@@ -131,7 +131,7 @@ def brush_for(species):
     asset, library = shipped_species().get(species), shipped()
     mine = {species, *asset.tags}
     fits = [n for n in library.names() if not mine.isdisjoint(library.get(n).made_for) and asset.media != ["swim"]]
-    fits.sort(key=lambda n: species not in library.get(n).made_for)
+    fits.sort(key=lambda n: (library.get(n).has_own_body, species not in library.get(n).made_for))
     return fits[0] if fits else "march"
 
 

@@ -32,7 +32,7 @@ from flockbrush.systems.senses import Near
 from numba import njit
 
 STANDING = 1e-6  # m: more than rounding adds up to
-STEEP = 0.2  # length of the level part of a heading below which a landing bird is held level
+STEEP = 0.2  # length of the level part of a heading of a landing bird, at least
 FALL, SETTLE = 4.0, 0.3  # m/s at which those who walk come down to the ground, from high up and at last
 
 
@@ -117,22 +117,24 @@ def _fly(world, near, max_turn, top):
         if len(rows):
             solids = in_the_way(agents, getattr(land, around), near.aloft)
             over_rows(fly, len(rows), rows, dt, flyers, limits, wanted, solids, hills)
-    _level_at_landing(agents, order)
+    _raise_noses_at_landing(agents, order)
 
 
-def _level_at_landing(agents, flyers):
-    """Birds that come down steeply keep their bodies level, so that they have a heading when they stand."""
+def _raise_noses_at_landing(agents, flyers):
+    """Birds that land never point straight down, so that they have a heading when they stand."""
     landing = flyers[agents[Transit.kind][flyers] == LANDING]
     forward = agents[Heading.forward][landing]
     rows = landing[np.hypot(forward[:, 0], forward[:, 1]) < STEEP]
     if not len(rows):
         return
     # of a nose that points down the back points ahead, of one that points up it points backwards
-    ahead = -np.sign(agents[Heading.forward][rows, 2])[:, None] * agents[Airborne.up][rows, :2]
+    sign = np.sign(agents[Heading.forward][rows, 2])[:, None]
+    ahead = -sign * agents[Airborne.up][rows, :2]
     size = np.sqrt((ahead * ahead).sum(axis=1))[:, None]
-    agents[Heading.forward][rows, :2] = np.where(size > 1e-6, ahead / np.maximum(size, 1e-6), (1.0, 0.0))
-    agents[Heading.forward][rows, 2] = 0.0
-    agents[Airborne.up][rows] = (0.0, 0.0, 1.0)
+    ahead = np.where(size > 1e-6, ahead / np.maximum(size, 1e-6), (1.0, 0.0))
+    steep = sign * np.sqrt(1.0 - STEEP**2)
+    agents[Heading.forward][rows] = np.hstack([STEEP * ahead, steep])
+    agents[Airborne.up][rows] = np.hstack([-steep * ahead, np.full((len(rows), 1), STEEP)])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

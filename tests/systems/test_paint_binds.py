@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
-from flockbrush.components import BrushBinding, Position, Transit, Velocity
+from flockbrush.components import BrushBinding, Heading, Position, Species, Transit, Velocity
 from flockbrush.components.agent import LANDING, SETTLED, TAKING_OFF
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.state import state_hash
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import BrushLayer, PaintBounds, Zone
 from flockbrush.systems.commands import AddAnimals, PaintBrush, SwitchBrush
+from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.undo import GiveBrush
-from small_herd import box, brush, level, meadow, put, put_aloft, spawn
+from small_herd import boids, box, brush, level, meadow, put, put_aloft, spawn
 
 from flockbrush.runs.run import start
 
@@ -212,3 +213,20 @@ def test_a_switch_under_bounded_paint_is_undone():
     assert brush_of(simulation, sheep) == "graze"  # paint stands above the animal's own brush
     commands.perform(simulation.world, back)
     assert state_hash(simulation.world) == before
+
+
+def test_a_bird_that_dives_to_land_turns_no_faster_than_it_can():
+    simulation = meadow(boids(min_speed=0.0), brush("walk"))
+    put_aloft(simulation, (20, 20, 15), (0.25, 0.0, -0.97), species="starling", brush="boids")
+    agents, flying = simulation.agents, []
+    agents[Velocity.xyz][:] = (0.0, 0.0, -8.0)
+    simulation.submit(SwitchBrush("walk"))
+    most = simulation.world.resource(SpeciesList).table.turn[agents[Species.index][0]].max() / 32
+    for _ in range(400):
+        simulation.tick()
+        if agents[Transit.kind][0] == LANDING:
+            flying.append(agents[Heading.forward][0].copy())
+    flying = np.array(flying)
+    turns = np.arccos(np.clip((flying[1:] * flying[:-1]).sum(axis=1), -1.0, 1.0))
+    assert turns.max() < most + 1e-6 and np.hypot(*flying[:, :2].T).min() < 0.21  # it has pointed steeply down
+    assert agents[Transit.kind][0] == SETTLED and agents[Heading.forward][0, 2] == agents[Position.xyz][0, 2] == 0.0
