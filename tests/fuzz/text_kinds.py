@@ -141,15 +141,9 @@ class Tracks(Kind):
     def read(self, path):
         from flockbrush.film.tracks import read_marks, read_tracks, smoothed
 
-        for read in (read_marks, lambda file: smoothed(read_tracks(file), 1.0)):
-            try:
-                read(path)
-            except ProblemsError as error:
-                told = error
-            else:
-                told = None
-        if told is not None:
-            raise told
+        with suppress(ProblemsError):
+            read_marks(path)
+        smoothed(read_tracks(path), 1.0)
 
 
 class Flights(Kind):

@@ -9,7 +9,6 @@ from flockbrush.behaviours.drive import drives
 from flockbrush.components import Family, Position
 from flockbrush.engine.commands import Commands
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.reader import read_level
 from flockbrush.levels.sketch import LevelSketch
 from flockbrush.levels.tiled import write_project
@@ -62,15 +61,6 @@ def test_families_are_neighbours_and_bear_the_smallest_id():
     assert apart(xy, family) < 0.6 * apart(xy, np.random.default_rng(0).permutation(family))
 
 
-def test_a_herd_without_families_has_the_state_it_had():
-    with_none, without = herd_of(brush("walk"), size=0), herd_of(brush("walk"), size=0)
-    assert not with_none.agents[Family.number].any()
-    without.agents[Family.number][3] = 1
-    assert state_hash(with_none.world) != state_hash(without.world)
-    without.agents[Family.number][3] = 0
-    assert state_hash(with_none.world) == state_hash(without.world)
-
-
 def test_a_stray_goes_back_to_its_family_and_passes_the_others():
     def distance(asset):
         simulation = meadow(asset)
@@ -96,14 +86,8 @@ def test_whoever_has_no_family_is_asked_for_nothing():
     assert places(keeping(asset)) == places(asset)
 
 
-def test_a_snapshot_and_an_undone_spawn_keep_families():
+def test_an_undone_spawn_takes_its_families_with_it():
     simulation = herd_of(keeping(brush("walk")))
-    data = snapshot(simulation.world)
-    simulation.run(32)
-    after = state_hash(simulation.world)
-    restore(simulation.world, data)
-    simulation.run(32)
-    assert state_hash(simulation.world) == after
     before = simulation.agents[Family.number].copy()
     more = MarkSpawn(9, "more", box(22, 22, 30, 30).tolist(), "walk", "sheep", 12, family_size=4)
     undo = simulation.world.resource(Commands).perform(simulation.world, [more])
