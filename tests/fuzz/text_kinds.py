@@ -1,7 +1,7 @@
 """Brushes, species, programs, sweeps, cameras, journals, tracks, flights, marks, formations."""
 
 import json
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property
 
 import mutations as m
