@@ -10,13 +10,11 @@ import copy
 import hashlib
 import importlib
 import json
-import pickle
 import time
 import uuid
 from concurrent.futures import Executor
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.plain_json import read_json
@@ -33,12 +31,12 @@ class WorkStopped(Exception):
     """The work was stopped; what was done is kept."""
 
 
-def _work_beside(path, module, name, arguments):
-    """A task for a process beside this one: what all tasks are given lies in a file."""
-    if path not in _shared:
+def _work_beside(given_as, given, module, name, arguments):
+    """A task for a process beside this one, with what all tasks are given."""
+    if given_as not in _shared:
         _shared.clear()
-        _shared[path] = pickle.loads(Path(path).read_bytes())
-    return getattr(importlib.import_module(module), name)(_shared[path], **arguments)
+        _shared[given_as] = given
+    return getattr(importlib.import_module(module), name)(_shared[given_as], **arguments)
 
 
 def _work_elsewhere(given_as, given, module, name, arguments):
@@ -77,7 +75,7 @@ class Workers:
         self.given, self.signature, self.stop, self.cluster = given, signature, stop, cluster
         self.own = not isinstance(jobs, Helpers)
         self.helpers: Helpers = Helpers(jobs) if self.own else jobs
-        self.folder: TemporaryDirectory | None = None
+        self.given_as = uuid.uuid4().hex
         self.path = Path(path) if path else None
         self.pool: Executor | None = None
         self.known, self.kept = self._read(), time.monotonic()
@@ -106,8 +104,6 @@ class Workers:
             let_go(self.pool, wait=error[0] is None)
         if self.own:
             self.helpers.__exit__(*error)
-        if self.folder is not None:
-            self.folder.cleanup()
 
     def map(self, function, tasks, done=None):
         """Results of ``function(given, **task)``, in the order of the tasks.
@@ -153,20 +149,10 @@ class Workers:
                 self._asked_to_stop()
                 yield k, function(self.given, **tasks[k])
             return
-        todo = [(self._given_at(), function.__module__, function.__name__, tasks[k]) for k in fresh]
+        what = self.given_as, self.given, function.__module__, function.__name__
+        todo = [(*what, tasks[k]) for k in fresh]
         for k, result in self.helpers.run(_work_beside, todo, self._asked_to_stop):
             yield fresh[k], result
-
-    def _given_at(self) -> str:
-        """The file in which processes find what all tasks are given; this one has it."""
-        if self.folder is None:
-            self.folder = TemporaryDirectory(prefix="flockbrush-")
-            (Path(self.folder.name) / "given").write_bytes(pickle.dumps(self.given))
-        path = str(Path(self.folder.name) / "given")
-        if path not in _shared:
-            _shared.clear()
-            _shared[path] = self.given
-        return path
 
     def _there(self, function, tasks, fresh):
         if not fresh:

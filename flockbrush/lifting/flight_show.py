@@ -6,6 +6,7 @@ Nothing here draws, and nothing knows of windows; `flockbrush.studio.lift_window
 from __future__ import annotations
 
 import time
+from collections import defaultdict
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -317,7 +318,7 @@ class _AsRun:
             name=source.name, files={source.name: content}, width=0.0, height=0.0, boundary="open"
         )
         self.origin, self.clock, self.world = {"seed": 0}, SimpleNamespace(dt=1 / show.flight.fps), self
-        self.next_entity = 1  # no births, so there are no groups
+        self.next_entity, self.agents = 1, defaultdict(lambda: np.zeros(0))  # no births, so there are no groups
 
     def resource(self, kind):
         """Names of species and of brushes: one species, and no brush; it flies. Of all else there is nothing."""

@@ -17,7 +17,7 @@ def test_starlings_are_split_by_the_tower_join_again_and_fly_through_the_gate():
     simulation = start("pillars")
     agents, parts, room = simulation.agents, [], np.inf
     before, crossings = agents[Position.xyz].copy(), {}
-    for tick in range(940):
+    for tick in range(1000):
         simulation.tick()
         xyz = agents[Position.xyz]
         for row in np.flatnonzero((before[:, 0] < 232) & (xyz[:, 0] >= 232)):
@@ -29,7 +29,7 @@ def test_starlings_are_split_by_the_tower_join_again_and_fly_through_the_gate():
     x, part = np.array(parts).T
     assert room > 0
     assert part[x < 60].min() == 1.0
-    assert part[(x > 160) & (x < 190)].max() < 0.95  # behind the tower, which is 14 m wide
+    assert part[(x > 160) & (x < 190)].min() < 0.7  # behind the tower, which is 14 m wide
     assert part[-1] > 0.95
     assert len(crossings) == 200
     across = np.array(list(crossings.values()))
