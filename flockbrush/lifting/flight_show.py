@@ -318,7 +318,8 @@ class _AsRun:
             name=source.name, files={source.name: content}, width=0.0, height=0.0, boundary="open"
         )
         self.origin, self.clock, self.world = {"seed": 0}, SimpleNamespace(dt=1 / show.flight.fps), self
-        self.next_entity, self.agents = 1, defaultdict(lambda: np.zeros(0))  # no births, so there are no groups
+        self.next_entity = 1  # no births, so there are no groups
+        self.agents: dict = defaultdict(lambda: np.zeros(0))
 
     def resource(self, kind):
         """Names of species and of brushes: one species, and no brush; it flies. Of all else there is nothing."""

@@ -190,8 +190,7 @@ def finely(corners):
 
 @pytest.mark.parametrize("seed", [3, 5])
 def test_a_flock_that_pillars_tear_apart_becomes_one_again(seed):
-    scene = start("pillars", seed=seed)
-    parts = []
+    scene, parts = start("pillars", seed=seed), []
     for _ in range(22):
         scene.run(RATE)
         parts.append(measures_of(scene.world)["largest_part"])

@@ -113,8 +113,7 @@ def test_a_level_tells_them_and_a_table_has_them(tmp_path):
     exports = Exports([tmp_path / "families.csv"], simulation)
     exports.take()
     exports.close()
-    with open(tmp_path / "families.csv", newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = list(csv.DictReader((tmp_path / "families.csv").read_text().splitlines()))
     assert [int(row["family"]) for row in rows] == simulation.agents[Family.number].tolist()
 
 
