@@ -113,10 +113,10 @@ def _fly(world, near, max_turn, top):
     )  # fmt: skip
     dt, flyers = world.resource(Clock).dt, flyers_of(agents)
     held, hills = palette.grounded[agents[BrushBinding.brush]][order], _hills(world)
-    for rows, around in ((order[~held], "sky"), (order[held], "standing")):
+    for rows, solids in ((order[~held], land.sky), (order[held], land.standing if held.any() else None)):
         if len(rows):
-            solids = in_the_way(agents, getattr(land, around), near.aloft)
-            over_rows(fly, len(rows), rows, dt, flyers, limits, wanted, solids, hills)
+            around = in_the_way(agents, solids, near.aloft)
+            over_rows(fly, len(rows), rows, dt, flyers, limits, wanted, around, hills)
     _raise_noses_at_landing(agents, order)
 
 

@@ -53,7 +53,7 @@ class Workers:
     Parameters
     ----------
     given : object
-        What every task gets as its first argument; it is sent to each process once.
+        What every task gets as its first argument; with several processes it is sent with each task.
     jobs : int or Helpers
         Processes, this one among them.
     signature : str
