@@ -27,7 +27,6 @@ from flockbrush.engine.noise import uniform_
 from flockbrush.systems.fauna import AIR, PLANE, WATER
 from flockbrush.systems.terrain import NO_BRUSH, rasterise_polygon
 from numba import njit
-from scipy.ndimage import distance_transform_edt
 
 LOW = 1.0  # body lengths: who flies no higher may be bound by paint of the ground
 TOUCH = 0.25  # body lengths besides the radius: so low a bird stands
@@ -199,6 +198,8 @@ def _weighted(raster, bounds, weight, cell):
 
     Cells beside painted ones get their brush with weight 0, so that the weight between cells ends nowhere abruptly.
     """
+    from scipy.ndimage import distance_transform_edt  # takes long to load, and few levels need it
+
     inside = raster >= 0
     far, nearest = distance_transform_edt(~inside, return_indices=True)
     spread = np.where(far < 1.5, raster[tuple(nearest)], NO_BRUSH).astype(np.int32) if inside.any() else raster

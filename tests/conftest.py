@@ -1,11 +1,14 @@
 """What all tests share: the same random examples every time, no more of them than asked for; files stay together."""
 
+import gc
+import os
+
 import pytest
 from hypothesis import settings
 
 settings.register_profile("house", derandomize=True, deadline=None, print_blob=False)
 settings.load_profile("house")
-
+gc.disable()  # until all tests are found: what is imported stays
 
 FIRST = "test_replaying.py"  # the longest: it compiles every kernel twice, once for a plain processor
 WITHOUT_HERDS = ("levels", "components", "engine")  # rooms whose tests need few kernels, or others
@@ -53,11 +56,28 @@ def _is_smoke(item):
     return wanted is not None and item.name.startswith(wanted)
 
 
+class FromTheEnd(pytest.Dir):
+    def collect(self):
+        return reversed(list(super().collect()))
+
+
+def pytest_collect_directory(path, parent):
+    """Every second process reads the files from the last one: it then need not compile what another has stored."""
+    if int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]) % 2:
+        return FromTheEnd.from_parent(parent, path=path)
+    return None
+
+
 def pytest_collection_modifyitems(items):
     """The longest file first, and last those that another process can run while the kernels are being compiled."""
     for item in filter(_is_smoke, items):
         item.add_marker(pytest.mark.smoke)
-    items.sort(key=lambda item: (item.path.name != FIRST, _without_herds(item.path)))
+    items.sort(key=lambda item: (item.path.name != FIRST, _without_herds(item.path), item.path))
+
+
+def pytest_collection_finish():
+    gc.freeze()  # not looked through again and again
+    gc.enable()
 
 
 def _without_herds(path):

@@ -17,7 +17,6 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.behaviours.formation.hummel import power, power_and_jacobian
 from numba import njit
-from scipy.optimize import least_squares
 
 PROXIMAL = 0.05  # μ; larger keeps nearer to the shape before
 ENOUGH = 1e-12  # of a bird's saving: residual at which to stop
@@ -136,6 +135,8 @@ def solve_levenberg_marquardt(x, wanted, start):
 
     Parameters, result and errors as of `solve_proximal`.
     """
+    from scipy.optimize import least_squares  # takes long to load; flocks are solved by `solve_proximal`
+
     x, wanted, start = (np.ascontiguousarray(a, np.float64) for a in (x, wanted, start))
     solution = least_squares(
         lambda y: power(x, y) - wanted, start, lambda y: power_and_jacobian(x, y)[1], method="lm",

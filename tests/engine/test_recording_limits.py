@@ -135,6 +135,6 @@ def test_no_recording_is_written_that_could_not_be_read(path):
     recording = Recording.create(path, HEADER, {})
     with pytest.raises(RecordingError, match="its commands hold more than 4,000,000 values"):
         for _ in range(5):
-            recording.command(1, Whistle(1.0, [[] for _ in range(500_000)]))
+            recording.command(1, Whistle(1.0, [[]] * 500_000))
     recording.close()
     assert len(open_recording(path).commands) == 3

@@ -12,6 +12,12 @@ from flockbrush.cli.field_commands import _says
 SIZE = (160, 120)
 
 
+@pytest.fixture(autouse=True)
+def one_core(monkeypatch):
+    """No processes are started to help with pictures as small as these."""
+    monkeypatch.setattr("flockbrush.engine.parallel.cores", lambda: 1)
+
+
 def grass(seed=0, tint=(60, 110, 80)):
     """A picture of a meadow with nobody on it."""
     blades = np.random.default_rng(seed).normal(size=(SIZE[1], SIZE[0], 1)).astype(np.float32)

@@ -109,7 +109,7 @@ def tls(files):
     return ["--tls-ca", files[0], "--tls-cert", files[1], "--tls-key", files[2]]
 
 
-def test_a_sweep_runs_on_an_encrypted_cluster_and_nobody_else_gets_in(certificates, tmp_path):
+def test_a_sweep_runs_on_an_encrypted_cluster_and_nobody_else_gets_in(cli, certificates, tmp_path):
     """The certificates are named by options, or by the settings of Dask."""
     ours, theirs = certificates
     file, prefix = sweep_file(tmp_path, FLOCKS.replace("count = 6", "count = 1")), "DASK_DISTRIBUTED__COMM__TLS__"
@@ -117,16 +117,19 @@ def test_a_sweep_runs_on_an_encrypted_cluster_and_nobody_else_gets_in(certificat
     settings = {f"{prefix}{name}": path for name, path in settings.items()}
     with dask_cluster(1, tls=ours) as (address, _):
         assert address.startswith("tls://")
-        for words, variables in ((tls(ours), {}), ([], settings)):
-            out = tmp_path / f"out{len(words)}"
-            done = other_process("sweep", file, "--out", out, "--cluster", address, *words, **variables)
-            assert done.returncode == 0, done.stderr
-            assert (out / JOURNAL).is_file()
-        for files, hint in (([], " without --tls-ca, --tls-cert and --tls-key"), (tls(theirs), "")):
-            refused = other_process("sweep", file, "--out", tmp_path / "no", "--cluster", address, *files)
-            assert refused.returncode == 1
-            assert f"{address}: no Dask scheduler answers at this address{hint}: " in refused.stderr
-            assert "Traceback" not in refused.stderr and "Exception ignored" not in refused.stderr
+        words = ["sweep", file, "--cluster", address, "--out"]
+        done = cli(*words, tmp_path / "out", *tls(ours))
+        assert done.code == 0, done.err
+        done = other_process(*words, tmp_path / "set", **settings)
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / "out" / JOURNAL).is_file() and (tmp_path / "set" / JOURNAL).is_file()
+        refused = other_process(*words, tmp_path / "no")
+        assert refused.returncode == 1
+        said = f"{address}: no Dask scheduler answers at this address"
+        assert f"{said} without --tls-ca, --tls-cert and --tls-key: " in refused.stderr
+        assert "Traceback" not in refused.stderr and "Exception ignored" not in refused.stderr
+        refused = cli(*words, tmp_path / "no", *tls(theirs))
+        assert refused.code == 1 and f"{said}: " in refused.err and "Exception ignored" not in refused.err
 
 
 @pytest.mark.parametrize(

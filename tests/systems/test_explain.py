@@ -27,14 +27,17 @@ EXPLAINED = [model for model in behaviours().values() if model.explain is not No
 MODELS = ["herd", "flee", "hunt", "boids", "raptor", "v_rules", "line_formation", "zones"]
 
 
+ASKED = [
+    pytest.param(model, more, id=f"{model.name}-{more}")
+    for model in EXPLAINED
+    for more in ({}, {"wander": 2.0}, {"unled": "keep"}, {"leader_blend": 0.4}, {"turn_bias": 1.0})
+    if more.keys() <= model.Params.model_fields.keys()
+]
+
+
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize(
-    "more", [{}, {"wander": 2.0}, {"unled": "keep"}, {"leader_blend": 0.4}, {"turn_bias": 1.0}], ids=str
-)
-@pytest.mark.parametrize("model", EXPLAINED, ids=lambda model: model.name)
+@pytest.mark.parametrize(("model", "more"), ASKED)
 def test_the_reasons_add_up_to_the_wish(model, more, seed):
-    if more.keys() - model.Params.model_fields.keys():
-        pytest.skip("another model's parameter")
     scene, params = lively(seed), model.Params(**more)
     for row in range(len(scene.ids)):
         rows = np.flatnonzero(scene.species == scene.species[row]).astype(np.int32)  # the V rules ask a flock at once
@@ -172,13 +175,10 @@ def test_every_shipped_model_explains_itself():
     assert {model.name for model in EXPLAINED} >= set(MODELS)
 
 
-@pytest.mark.parametrize("medium", ["ground", "air"])
 @pytest.mark.parametrize("model", [*MODELS, "sunward"])
-def test_reasons_of_models_and_drives_together_add_up_to_the_wish_in_every_medium(model, medium, monkeypatch):
+def test_reasons_of_models_and_drives_together_add_up_to_the_wish_in_every_medium(model, monkeypatch):
     """A danger near by, a wall, a drive that asks for a share: terms of the model and drives are told together."""
     flies = model in behaviours() and behaviours()[model].flight is not None
-    if flies != (medium == "air"):
-        pytest.skip("moves in the other medium")
     if model == "sunward":  # somebody else's, who does not explain it
         monkeypatch.setitem(behaviour_module._registry, model, replace(behaviours()["herd"], name=model, explain=None))
     more = {"mean": 20.0, "body": {"length": 0.8, "radius": 0.16, "contact": "disc"}} if flies else {"mean": 0.5}
