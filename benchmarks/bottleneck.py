@@ -126,10 +126,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--peer", help="Python interpreter with the package jupedsim")
     parser.add_argument("--seeds", default="1:3", help="first:last")
-    told = parser.parse_args()
-    first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])
-    kinds = ["flockbrush", *(["JuPedSim"] if told.peer else [])]
-    if not told.peer:
+    options = parser.parse_args()
+    first, last = (int(seed) for seed in (options.seeds.split(":") * 2)[:2])
+    kinds = ["flockbrush", *(["JuPedSim"] if options.peer else [])]
+    if not options.peer:
         print("only flockbrush is measured; --peer PYTHON (with the package jupedsim) adds JuPedSim")
     print(
         "| | door, m | flow, 1/s | flow, 1/(m s) | density, 1/m² | came through | Weidmann at this density, 1/(m s) |"
@@ -143,7 +143,7 @@ def main():
                     with tempfile.TemporaryDirectory() as folder:
                         looks = ours(width, seed, Path(folder))
                 else:
-                    looks, _ = peers(told.peer, width, seed)
+                    looks, _ = peers(options.peer, width, seed)
                 found.append(flow_and_density(looks, width))
             flow, density, through = np.mean(found, axis=0)
             print(

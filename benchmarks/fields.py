@@ -25,7 +25,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 import cv2  # noqa: E402
 
 from benchmarks.foreign_herds import herd  # noqa: E402
-from benchmarks.herd_film import Camera, shoot  # noqa: E402
+from benchmarks.herd_film import CameraDrift, shoot  # noqa: E402
 from flockbrush.film import clip_fields as cells  # noqa: E402
 from flockbrush.film import clip_reader as clip  # noqa: E402
 from flockbrush.film import flow, masks, observe, sightings, stabilise  # noqa: E402
@@ -54,7 +54,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mill.mp4"
         truth = herd("mill", count=args.animals, seconds=args.frames / 25, fps=25, seed=5)
-        shoot(truth, path, size, 14.0, Camera(drift=(1.0, 0.6), turn=0.05, zoom=0.02), seed=6)
+        shoot(truth, path, size, 14.0, CameraDrift(drift=(1.0, 0.6), turn=0.05, zoom=0.02), seed=6)
         observe.observe(path, frames=(0, 11))  # compile
         whole = min((_whole(path) for _ in range(args.rounds)), key=lambda row: row[0])
         parts = _parts(path)

@@ -230,10 +230,10 @@ def main():
     parser.add_argument("--brush", nargs="+", default=["geese", "skein"])
     parser.add_argument("--scene", nargs="+", default=SCENES, choices=SCENES)
     parser.add_argument("--seeds", default="9001:9020", help="first:last")
-    told = parser.parse_args()
-    first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # a single seed is a range of one
-    for kind in told.brush:
-        for scene in told.scene:
+    options = parser.parse_args()
+    first, last = (int(seed) for seed in (options.seeds.split(":") * 2)[:2])  # a single seed is a range of one
+    for kind in options.brush:
+        for scene in options.scene:
             print(f"{kind}, {scene}: formed after, clearance, nearest falcon, out of formation for, formed again after")
             passed, waits = 0, []
             for seed in range(first, last + 1):

@@ -139,10 +139,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--reach", type=float, nargs="+", help="perception range, wingspans; inf: unlimited")
     parser.add_argument("--seeds", default="9001:9008", help="first:last")
-    told = parser.parse_args()
-    if told.reach:
-        first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # a single seed is a range of one
-        initiation(told.reach, range(first, last + 1))
+    options = parser.parse_args()
+    if options.reach:
+        first, last = (int(seed) for seed in (options.seeds.split(":") * 2)[:2])  # a single seed is a range of one
+        initiation(options.reach, range(first, last + 1))
         return
     known()
     false_birds()

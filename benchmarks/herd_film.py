@@ -1,7 +1,7 @@
 """Herds filmed from above, with the truth beside the film.
 
 `shoot` films a `Truth` (`benchmarks.foreign_herds`) with a camera that drifts, turns and zooms, over textured ground,
-with noise and compression, and gives a `Film`: the file, and where every animal is in every frame.
+with noise and compression, and gives a `HerdFilm`: the file, and where every animal is in every frame.
 `evidence_of_truth` is what a perfect observer would know.
 """
 
@@ -24,7 +24,7 @@ FINE = 6  # points to a pixel, along each side, that decide how much of it a bod
 
 
 @dataclass
-class Look:
+class Appearance:
     """How animals and ground look; colours are BGR."""
 
     body: tuple[int, int, int] = (214, 222, 226)
@@ -39,19 +39,19 @@ class Look:
 
 
 LOOKS = {
-    "sheep": Look(),
-    "shadowed sheep": Look(shadow=(0.18, 0.22)),
-    "cattle": Look(body=(38, 44, 60), head=(30, 34, 44), ground=(110, 158, 168)),
-    "dun": Look(
+    "sheep": Appearance(),
+    "shadowed sheep": Appearance(shadow=(0.18, 0.22)),
+    "cattle": Appearance(body=(38, 44, 60), head=(30, 34, 44), ground=(110, 158, 168)),
+    "dun": Appearance(
         body=(86, 104, 122), head=(60, 72, 88), ground=(112, 146, 160), texture=9.0, varied=6.0
     ),  # low contrast
-    "fish": Look(body=(96, 84, 70), head=None, ground=(158, 142, 108), texture=7.0, varied=5.0),
-    "poor": Look(noise=8.0, blur=1.0, crf=32, texture=20.0),
+    "fish": Appearance(body=(96, 84, 70), head=None, ground=(158, 142, 108), texture=7.0, varied=5.0),
+    "poor": Appearance(noise=8.0, blur=1.0, crf=32, texture=20.0),
 }
 
 
 @dataclass
-class Camera:
+class CameraDrift:
     """A camera above: where it looks, how it is turned and how near, at each moment.  `still` stands."""
 
     drift: tuple[float, float] = (0.5, 0.25)  # BL/s
@@ -76,7 +76,7 @@ class Camera:
         return np.array([_similarity(c, a, s, size) for c, a, s in zip(centre, angle, scale, strict=True)])
 
 
-STILL = Camera((0.0, 0.0), 0.0, 0.0, 0.0)
+STILL = CameraDrift((0.0, 0.0), 0.0, 0.0, 0.0)
 
 
 def _similarity(centre, angle, scale, size):
@@ -87,7 +87,7 @@ def _similarity(centre, angle, scale, size):
 
 
 @dataclass
-class Film:
+class HerdFilm:
     """A film and what is true in it."""
 
     path: Path | None
@@ -154,26 +154,26 @@ def ground(look, seed=0, side=1024):
 
 def shoot(
     truth, path=None, size=(640, 480), body_px=14.0, camera=None, look="sheep", seed=0, keep=False, hide=()
-) -> Film:
+) -> HerdFilm:
     """Film a herd.
 
     Parameters
     ----------
     path : path, optional
-        Of an mp4; None writes nothing, and `Film.frames` has the pictures.
+        Of an mp4; None writes nothing, and `HerdFilm.frames` has the pictures.
     body_px : float
         Length of a body in the middle of the film.
-    camera : Camera, optional
+    camera : CameraDrift, optional
         One that drifts, turns and zooms a little.
-    look : str or Look
+    look : str or Appearance
         One of LOOKS.
     hide : iterable of int
         Frames on which nobody is drawn.
     """
     look = LOOKS[look] if isinstance(look, str) else look
-    camera = camera or Camera()
+    camera = camera or CameraDrift()
     transforms = camera.transforms(truth, size, body_px, seed)
-    film = Film(Path(path) if path else None, truth, transforms, tuple(size), float(body_px))
+    film = HerdFilm(Path(path) if path else None, truth, transforms, tuple(size), float(body_px))
     tile, rng = ground(look, seed), np.random.default_rng([seed, 9])
     shade = rng.normal(0, look.varied, truth.xy.shape[1])
     grain = rng.standard_normal((size[1], size[0], 3), np.float32)

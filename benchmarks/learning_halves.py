@@ -85,7 +85,7 @@ def run(options):
 def evidence_of_clip(name, options, folder):
     """Return the observations of a clip, and its film."""
     from benchmarks.foreign_herds import herd
-    from benchmarks.herd_film import Camera, evidence_of_truth, shoot
+    from benchmarks.herd_film import CameraDrift, evidence_of_truth, shoot
     from flockbrush.film.observe import observe
 
     if name == "sheep":
@@ -97,7 +97,7 @@ def evidence_of_clip(name, options, folder):
     extent = float(np.ptp(truth.xy - truth.xy.mean(1, keepdims=True), axis=(0, 1)).max()) + 6.0
     body = float(np.clip(620.0 / extent, 11.0, 22.0))
     side = int(np.ceil(extent * body / 16) * 16)
-    film = shoot(truth, Path(folder) / "clip.mp4", (side, side), body, Camera(follow=1.0), seed=5)
+    film = shoot(truth, Path(folder) / "clip.mp4", (side, side), body, CameraDrift(follow=1.0), seed=5)
     return observe(film.path), film
 
 

@@ -79,7 +79,7 @@ def _photograph(model, animals, seed):
     from scipy.spatial import cKDTree
 
     from benchmarks.foreign_herds import herd
-    from benchmarks.herd_film import Camera, shoot
+    from benchmarks.herd_film import CameraDrift, shoot
     from flockbrush.film.observe import observe
     from flockbrush.learning.photo import standing
     from flockbrush.learning.scores import spacings
@@ -89,7 +89,7 @@ def _photograph(model, animals, seed):
     body = float(np.clip(620.0 / extent, 11.0, 22.0))
     side = int(np.ceil(extent * body / 16) * 16)
     middle = 0.5 * (truth.xy[0].min(0) + truth.xy[0].max(0))
-    camera = Camera((0.0, 0.0), 0.0, 0.0, 0.0, look_at=tuple(middle.tolist()))
+    camera = CameraDrift((0.0, 0.0), 0.0, 0.0, 0.0, look_at=tuple(middle.tolist()))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "photo.png"
         film = shoot(truth, None, (side, side), body, camera, seed=5)

@@ -34,13 +34,13 @@ def add(commands):
 def run(options):
     """Time both kinds; print a line for each run."""
     from benchmarks.foreign_herds import herd
-    from benchmarks.herd_film import Camera, shoot
+    from benchmarks.herd_film import CameraDrift, shoot
 
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         truth = herd("swarm", options.animals, options.frames / 25.0, seed=3)
         frames = len(truth.xy)
-        film = shoot(truth, Path(folder) / "clip.mp4", SIZE, BODY, Camera(follow=1.0), seed=3)
+        film = shoot(truth, Path(folder) / "clip.mp4", SIZE, BODY, CameraDrift(follow=1.0), seed=3)
         _learned(film.path, Path(folder), True)
         print(f"{frames} frames, {options.animals} animals, load {os.getloadavg()[0]:.1f}")
         print("settings | goal, s | wall, s | CPU, s | observing | learning | comparing | verdict")

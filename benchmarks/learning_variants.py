@@ -80,13 +80,13 @@ def _text(value):
 def _films(model, options, folder):
     """{variant: path} of one herd, filmed once."""
     from benchmarks.foreign_herds import herd
-    from benchmarks.herd_film import LOOKS, Camera, _Writer, shoot
+    from benchmarks.herd_film import LOOKS, CameraDrift, _Writer, shoot
 
     truth = herd(model, options.animals, options.seconds, seed=5)
     extent = float(np.ptp(truth.xy - truth.xy.mean(1, keepdims=True), axis=(0, 1)).max()) + 2 * ROOM
     body = float(np.clip(620.0 / extent, 11.0, 22.0))
     side = int(np.ceil(extent * body / 16) * 16)
-    film, cut = shoot(truth, None, (side, side), body, Camera(follow=1.0), seed=5), int(CUT * body) // 2 * 2
+    film, cut = shoot(truth, None, (side, side), body, CameraDrift(follow=1.0), seed=5), int(CUT * body) // 2 * 2
     whole = slice(None)
     kinds = {f"crf {crf}": (crf, whole, whole) for crf in COMPRESSIONS}
     kinds |= {

@@ -262,30 +262,30 @@ def main():
     parser.add_argument("--write", action="store_true", help="write the result to the table")
     parser.add_argument("--effects", action="store_true", help="measure the other sliders")
     parser.add_argument("--ranges", nargs="+", default=[], metavar="NAME=LOW:HIGH[:times][:OVER]", help="of one brush")
-    told = parser.parse_args()
-    if told.effects:
-        return effects(told.brushes or shipped().names(), told.animals, told.seeds, told.write)
-    if told.ranges and len(told.brushes) != 1:
+    options = parser.parse_args()
+    if options.effects:
+        return effects(options.brushes or shipped().names(), options.animals, options.seeds, options.write)
+    if options.ranges and len(options.brushes) != 1:
         parser.error("--ranges needs the name of one brush")
-    known = with_slider(told.slider)
-    if wrong := [name for name in told.brushes if name not in known]:
-        parser.error(f"no slider {told.slider!r} has {', '.join(wrong)}; {', '.join(known) or 'no brush'} has it")
+    known = with_slider(options.slider)
+    if wrong := [name for name in options.brushes if name not in known]:
+        parser.error(f"no slider {options.slider!r} has {', '.join(wrong)}; {', '.join(known) or 'no brush'} has it")
     print(f"| brush | initial position | polarization at {', '.join(f'{place:g}' for place in PLACES)} | "
           f"{' | '.join(MEASURES)} | polarization / next largest |")  # fmt: skip
     print("|---" * (len(MEASURES) + 4) + "|")
-    for name in told.brushes or known:
+    for name in options.brushes or known:
         brush = shipped().get(name)
-        if told.ranges:
-            slider = settle(brush, told.slider, told.seeds, told.animals, told.ranges)
+        if options.ranges:
+            slider = settle(brush, options.slider, options.seeds, options.animals, options.ranges)
         else:
-            slider = _slider(brush, told.slider, *([{}] if told.general else []))
-        values = course_of(brush, slider, told.animals, FRESH, told.seeds)
-        if told.ranges or told.general or told.write:
+            slider = _slider(brush, options.slider, *([{}] if options.general else []))
+        values = course_of(brush, slider, options.animals, FRESH, options.seeds)
+        if options.ranges or options.general or options.write:
             keep(brush, slider, measured(values))
         far, ends = moved(values), interval(values)
         course = ", ".join(f"{value:.2f}" for value in values[:, :, 0].mean(axis=1))
         print(f"| {name} | {slider.value(brush):.2f} | {course} | {' | '.join(f'{one:.1f}' for one in far)} | "
-              f"{ratio(far, told.seeds):.1f} ({ends[0]:.1f} to {ends[1]:.1f}) |", flush=True)  # fmt: skip
+              f"{ratio(far, options.seeds):.1f} ({ends[0]:.1f} to {ends[1]:.1f}) |", flush=True)  # fmt: skip
 
 
 if __name__ == "__main__":

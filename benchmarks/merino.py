@@ -85,12 +85,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", default="9001:9005", help="first:last")
     parser.add_argument("--minutes", type=float, default=60.0, help="of each trial; the paper's lasted an hour")
-    told = parser.parse_args()
-    first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # a single seed is a range of one
+    options = parser.parse_args()
+    first, last = (int(seed) for seed in (options.seeds.split(":") * 2)[:2])  # a single seed is a range of one
     events, growth, shrinkage, gaps = [], [], [], []
     print("seed  events  largest  of half the herd  hull m²: least, median, most")
     for seed in range(first, last + 1):
-        runs, xy = trial(seed, told.minutes)
+        runs, xy = trial(seed, options.minutes)
         mine, area = packing_events(runs, xy), np.array([hull_area(look) for look in xy])
         large = [event for event in mine if event.size >= runs.shape[1] / 2]
         change, busy = np.diff(area), runs[1:].any(axis=1)

@@ -30,7 +30,7 @@ from flockbrush.runs.run import shipped_levels, start  # noqa: E402
 WALKS = 0.6  # own body lengths that an animal walks in a film; others rest
 
 
-class Herd(NamedTuple):
+class HerdSummary(NamedTuple):
     """Means over the frames of a film."""
 
     polarization: float
@@ -69,12 +69,12 @@ def _truth(moments):
     rows = [(m, np.isin(m.ids, list(walks))) for m in moments]
     rows = [(m, chosen) for m, chosen in rows if chosen.any()]
     if not rows:
-        return Herd(np.nan, 0.0, 0.0, np.nan)
+        return HerdSummary(np.nan, 0.0, 0.0, np.nan)
     orders = [compute_polarization(m.forward[chosen]) for m, chosen in rows]
     speeds = [np.linalg.norm(m.velocity[chosen, :2], axis=1).mean() for m, chosen in rows]
     length = float(np.median(np.concatenate([m.length[chosen] for m, chosen in rows])))
     count = float(np.mean([chosen.sum() for _, chosen in rows]))
-    return Herd(float(np.mean(orders)), float(np.mean(speeds)), count, length)
+    return HerdSummary(float(np.mean(orders)), float(np.mean(speeds)), count, length)
 
 
 def seen(path, scale, **options):
@@ -83,11 +83,11 @@ def seen(path, scale, **options):
     worked = np.sqrt(abs(np.linalg.det(told.camera[0, :, :2])))  # px of the pictures worked on, for one of the film's
     px = told.body_length_px / worked / scale
     if told.sightings is None:
-        return Herd(np.nan, np.nan, float(told.fields.count.mean()), px), told
+        return HerdSummary(np.nan, np.nan, float(told.fields.count.mean()), px), told
     rows = told.sightings
     orders = [np.linalg.norm(rows.forward[rows.of(t)].mean(0)) for t in range(len(rows)) if len(rows.xy[rows.of(t)])]
     speed = float(np.nanmean(rows.speed)) * px
-    return Herd(float(np.mean(orders)), speed, float(np.diff(rows.first).mean()), px), told
+    return HerdSummary(float(np.mean(orders)), speed, float(np.diff(rows.first).mean()), px), told
 
 
 def main():

@@ -5,7 +5,7 @@
     python benchmarks/pairs.py --seconds 60          a random sample (--seed), as in the test suite
 
 A pair is a small level with twelve animals of one brush, run for ten seconds, and one event ("thing") after two
-seconds.  After every tick and at the end, violated invariants are reported (`Watch`).
+seconds.  After every tick and at the end, violated invariants are reported (`InvariantWatch`).
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ from flockbrush.studio.branches import Beginning
 from flockbrush.studio.timeline import Timeline
 
 try:
-    from pairs_watch import Watch
+    from pairs_watch import InvariantWatch
 except ModuleNotFoundError:  # imported by the suite
-    from benchmarks.pairs_watch import Watch
+    from benchmarks.pairs_watch import InvariantWatch
 
 CELLS = 40  # along a side of the map
 SECONDS, AT = 10.0, 2.0  # s of a pair; when the event happens
@@ -312,7 +312,7 @@ def run_pair(brush, thing, seed, folder):
     recording = pair.folder / "pair.flock"
     recorder = record(recording, simulation, keyframes=64)
     exports = Exports([pair.folder / "pair.csv"], simulation) if thing == "export" else None
-    watch, last, drawn = Watch(simulation, pair.wrong), round(SECONDS * 32), []
+    watch, last, drawn = InvariantWatch(simulation, pair.wrong), round(SECONDS * 32), []
     if exports:
         exports.take()
     while simulation.clock.tick < last:
@@ -389,7 +389,7 @@ def _compare_table(pair, drawn):
 def _with_timeline(pair, path):
     """Check that scrubbing and branching do not change the past."""
     timeline = Timeline(Beginning(*open_level(path)), "pair")
-    watch = Watch(timeline.simulation, pair.wrong)
+    watch = InvariantWatch(timeline.simulation, pair.wrong)
     last, at, hashes = round(SECONDS * 32), round(AT * 32), {}
     while timeline.tick < last:
         if timeline.tick == at:
@@ -455,14 +455,14 @@ def main():
     parser.add_argument("--thing", nargs="*", help="run only events whose names start like this")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this time")
-    told = parser.parse_args()
-    pairs = [p for p in all_pairs(told.brush) if not told.thing or p[1].startswith(tuple(told.thing))]
+    options = parser.parse_args()
+    pairs = [p for p in all_pairs(options.brush) if not options.thing or p[1].startswith(tuple(options.thing))]
 
     def tell(pair, faults):
         for fault in faults:
             print(f"{pair[0]} x {pair[1]}: {fault}", flush=True)
 
-    found = sample(pairs, told.seed, told.seconds, tell)
+    found = sample(pairs, options.seed, options.seconds, tell)
     bad = sum(bool(faults) for faults in found.values())
     print(f"{len(found)} of {len(pairs)} pairs, {bad} with faults")
     return bad > 0

@@ -20,7 +20,7 @@ FALLS = 1e-6  # m above the ground
 HOVER = 32  # ticks for which a flying animal may be slower than a quarter of its slowest flight
 
 
-class Watch:
+class InvariantWatch:
     """Checks a simulation after each tick; calls ``wrong`` with a message for each fault."""
 
     def __init__(self, simulation, wrong):

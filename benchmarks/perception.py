@@ -35,7 +35,7 @@ HERDS = (1_000, 10_000, 100_000)
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fno-finite-math-only", "-fopenmp", "-std=c++17")
 
 
-class Scene(NamedTuple):
+class PerceptionCase(NamedTuple):
     """A herd to measure."""
 
     name: str
@@ -51,7 +51,7 @@ def scattered(n, density):
     """Return random discs."""
     rng = np.random.default_rng(1)
     xyz = np.c_[rng.uniform(0, (n / density) ** 0.5, (n, 2)), np.zeros(n)]
-    return Scene(f"{density:g} per m2", xyz, _headings(rng.uniform(0, 2 * np.pi, n)), 1.0, 0.5, 10.0, density)
+    return PerceptionCase(f"{density:g} per m2", xyz, _headings(rng.uniform(0, 2 * np.pi, n)), 1.0, 0.5, 10.0, density)
 
 
 def clump(n, stray=False):
@@ -63,7 +63,7 @@ def clump(n, stray=False):
     if stray:
         xyz[-1] = 5000, 5000, 0
     name = "clump, stray" if stray else "clump"
-    return Scene(name, xyz, _headings(rng.normal(0, 0.1, n)), 1.0, 0.2, 4.0, None)
+    return PerceptionCase(name, xyz, _headings(rng.normal(0, 0.1, n)), 1.0, 0.2, 4.0, None)
 
 
 def _headings(angle):

@@ -92,12 +92,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--animals", type=int, default=10_000)
     parser.add_argument("--pairs", type=int, default=20)
-    told = parser.parse_args()
-    scenes = [herd(told.animals, ""), herd(told.animals, load_program(PROGRAM, "bench.program.toml"))]
+    options = parser.parse_args()
+    scenes = [herd(options.animals, ""), herd(options.animals, load_program(PROGRAM, "bench.program.toml"))]
     for scene in scenes:
         scene.run(96)
-    spent = np.empty((told.pairs, 2))
-    for pair in range(told.pairs):
+    spent = np.empty((options.pairs, 2))
+    for pair in range(options.pairs):
         for k in (0, 1) if pair % 2 else (1, 0):
             begin = time.process_time()
             scenes[k].run(16)
@@ -105,8 +105,8 @@ def main():
     ratio = np.median(spent[:, 1] / spent[:, 0])
     low, high = np.percentile(spent[:, 1] / spent[:, 0], (10, 90))
     without, within = 1e3 * np.median(spent, axis=0)
-    print(f"{told.animals:,} animals: {without:.2f} ms per tick without a program, {within:.2f} ms with one")
-    print(f"{ratio:.3f} times (10 to 90 % of {told.pairs} pairs: {low:.3f} to {high:.3f})")
+    print(f"{options.animals:,} animals: {without:.2f} ms per tick without a program, {within:.2f} ms with one")
+    print(f"{ratio:.3f} times (10 to 90 % of {options.pairs} pairs: {low:.3f} to {high:.3f})")
     nanoseconds = scenes[1].schedule.nanoseconds
     print(f"RunPrograms: {100 * nanoseconds['RunPrograms'] / sum(nanoseconds.values()):.1f} % of the wall time")
     print(scenes[1].states()["bench"])

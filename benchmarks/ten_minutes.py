@@ -28,7 +28,7 @@ HELD = 0.5  # of the distance that it tried to cover
 
 
 @dataclass
-class Look:
+class MinuteLook:
     """The result of a level at the end."""
 
     level: str
@@ -74,7 +74,7 @@ class Minute:
 
 
 def watched(name, seconds=SECONDS, agents=None, at_still=lambda simulation, second: None):
-    """Return a `Look` at a level after `seconds`; `at_still` is called at each second of `STILLS`."""
+    """Return a `MinuteLook` at a level after `seconds`; `at_still` is called at each second of `STILLS`."""
     simulation = start(name, agents=agents)
     minute, ticks, seen = Minute(), round(1 / simulation.clock.dt), set()
     for second in range(seconds + 1):
@@ -98,7 +98,7 @@ def _look(name, simulation, minute, seen):
     moved = minute.way(animals.ids) > FAR * length
     jammed = minute.jammed(animals.ids, length)
     share = [float(k.mean()) if len(k) else float("nan") for k in (inside, moved, jammed)]
-    return Look(name, len(xy), len(seen) - len(xy), *share, compute_polarization(animals[Heading.forward]))
+    return MinuteLook(name, len(xy), len(seen) - len(xy), *share, compute_polarization(animals[Heading.forward]))
 
 
 def main():
@@ -107,10 +107,10 @@ def main():
     parser.add_argument("--seconds", type=int, default=SECONDS)
     parser.add_argument("--agents", type=int)
     parser.add_argument("--stills", type=Path, metavar="DIR", help="folder for pictures")
-    told = parser.parse_args()
+    options = parser.parse_args()
     print("| level | animals | gone | on the map | moved | jammed | polarization |\n|---|---|---|---|---|---|---|")
-    for name in told.levels or shipped_levels():
-        look = watched(name, told.seconds, told.agents, _stills(told.stills, name))
+    for name in options.levels or shipped_levels():
+        look = watched(name, options.seconds, options.agents, _stills(options.stills, name))
         print(
             f"| `{name}` | {look.alive} | {look.gone} | {look.on_map:.0%} | {look.moved:.0%} | {look.jammed:.0%} | "
             f"{look.polarization:.2f} |",

@@ -51,7 +51,7 @@ def bird_film(path, frames=60):
     return Film(path)
 
 
-class Stage:
+class PictureStage:
     """A film window with simulated mouse input."""
 
     def __init__(self, film, mode, folder):
@@ -86,7 +86,7 @@ class Stage:
 
 
 def landmarks(film, folder):
-    stage = Stage(film, "landmarks", folder)
+    stage = PictureStage(film, "landmarks", folder)
     marks = (Landmark(4, 30, 90, 90, 70), Landmark(30, 680, 190, 90, 80))
     stage.window.book.mark("landmarks", "landmarks", 0, landmarks=marks)
     for _ in marks:
@@ -96,7 +96,7 @@ def landmarks(film, folder):
 
 
 def masks(film, folder):
-    stage = Stage(film, "paint", folder)
+    stage = PictureStage(film, "paint", folder)
     stage.window.mode.set_size(40)
     for wall in (
         ((160, 285), (200, 285)),
@@ -114,7 +114,7 @@ def masks(film, folder):
 
 
 def birds(film, folder):
-    stage = Stage(film, "birds", folder)
+    stage = PictureStage(film, "birds", folder)
     stage.window.mode.follow_all()
     stage.wait()
     stage.window.go(45)
@@ -124,7 +124,7 @@ def birds(film, folder):
 
 
 def sketch(folder):
-    stage = Stage(Sky(), "sketch", folder)
+    stage = PictureStage(Sky(), "sketch", folder)
     for k in range(4):
         x = np.linspace(120, 1160, 24)
         stage.stroke(*zip(x, 150 + 110 * k + 50 * np.sin(x / 160 + 0.3 * k), strict=True))

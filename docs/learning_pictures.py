@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from benchmarks.foreign_herds import herd
-from benchmarks.herd_film import Camera, shoot
+from benchmarks.herd_film import CameraDrift, shoot
 from flockbrush.render import write_png
 
 HERE = Path(__file__).parent
@@ -22,7 +22,7 @@ MOMENTS = 2, 4
 
 def moments(folder):
     """Return film and simulation side by side at two moments, stacked."""
-    film = shoot(herd("mill", 90, 5.0, seed=4), folder / "mill.mp4", (720, 560), 12, Camera(), seed=4)
+    film = shoot(herd("mill", 90, 5.0, seed=4), folder / "mill.mp4", (720, 560), 12, CameraDrift(), seed=4)
     command = [sys.executable, "-m", "flockbrush", "learn", str(film.path), "--out", str(folder / "mill.brush.toml")]
     subprocess.run([*command, "--report", str(folder / "report")], check=True)
     rows = [cv2.imread(str(folder / "report" / f"moment-{k}.png"))[:, :, ::-1] for k in MOMENTS]

@@ -21,7 +21,7 @@ from flockbrush.studio.thumbnails import make_in_background
 HERE = Path(__file__).parent
 
 
-class Stage:
+class PictureStage:
     """A playground window with simulated mouse input."""
 
     def __init__(self, level, theme="light", size=(1280, 720), seconds=6.0):
@@ -84,7 +84,7 @@ class Stage:
 
 def painting():
     """A brush stroke across the path of a herd, which mills inside it."""
-    stage = Stage("meadow", seconds=7)
+    stage = PictureStage("meadow", seconds=7)
     level = stage.app.session.level
     stage.app.choose("brush", "mill-hollow")
     stage.app.set_size(11.0)
@@ -97,7 +97,7 @@ def painting():
 
 def why():
     """A fleeing animal and the explanation of its motion."""
-    stage = Stage("predators-valley", seconds=9)
+    stage = PictureStage("predators-valley", seconds=9)
     level = stage.app.session.level
     stage.app.take_tool("select")
     stage.app.overlays |= {"forces", "field_of_view", "occlusion"}
@@ -108,7 +108,7 @@ def why():
 
 def crowding():
     """The density overlay and the measures over time."""
-    stage = Stage("gorge", "dark", seconds=24)
+    stage = PictureStage("gorge", "dark", seconds=24)
     stage.app.overlays |= {"density"}
     stage.panel("charts")
     return stage.picture()
@@ -116,7 +116,7 @@ def crowding():
 
 def ways():
     """The navigation field that leaders follow."""
-    stage = Stage("gorge", seconds=3)
+    stage = PictureStage("gorge", seconds=3)
     stage.app.overlays |= {"navigation", "leaders"}
     stage.app.take_tool("goal")
     stage.panel("view")
@@ -125,7 +125,7 @@ def ways():
 
 def regions():
     """Painted brushes and speed limits."""
-    stage = Stage("river", seconds=6)
+    stage = PictureStage("river", seconds=6)
     stage.app.overlays |= {"regions", "caps"}
     stage.app.take_tool("cap")
     stage.panel("view")
@@ -134,7 +134,7 @@ def regions():
 
 def arrows():
     """A guide while it is drawn."""
-    stage = Stage("meadow", "dark", seconds=5)
+    stage = PictureStage("meadow", "dark", seconds=5)
     level = stage.app.session.level
     stage.app.take_tool("guide")
     w, h = level.width, level.height
@@ -146,7 +146,7 @@ def arrows():
 
 def space(level, theme, seconds, closer=1.0, turn=0.0, over=0.0, overlays=()):
     """A herd in the 3D view, from a good angle."""
-    stage = Stage(level, theme, seconds=seconds)
+    stage = PictureStage(level, theme, seconds=seconds)
     stage.app.overlays |= set(overlays)
     if not stage.app.canvas.in_space:  # levels of birds open in space
         stage.app.toggle_space()

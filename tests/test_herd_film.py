@@ -68,7 +68,7 @@ def test_the_same_seed_films_the_same():
 
 def test_animals_are_drawn_where_the_truth_says_they_are():
     truth = foreign_herds.herd("swarm", 25, 0.4, pull=0.0, room=4.0)
-    look = herd_film.Look(head=None, noise=0.0, texture=0.0, varied=0.0, blur=0.0, shadow=None)
+    look = herd_film.Appearance(head=None, noise=0.0, texture=0.0, varied=0.0, blur=0.0, shadow=None)
     film = herd_film.shoot(truth, size=(480, 360), body_px=14, look=look)
     for frame in (0, 9):
         bright = (film.frames[frame][..., 0] > 140).astype(np.uint8)
@@ -86,9 +86,9 @@ def test_animals_are_drawn_where_the_truth_says_they_are():
 
 def test_the_ground_moves_with_the_camera_and_the_film_knows_how():
     truth = foreign_herds.herd("swarm", 5, 1.0)
-    look = herd_film.Look(noise=0.0)
+    look = herd_film.Appearance(noise=0.0)
     film = herd_film.shoot(
-        truth, size=(320, 240), camera=herd_film.Camera((2.0, 1.0), 0.2, 0.1), look=look, hide=range(25)
+        truth, size=(320, 240), camera=herd_film.CameraDrift((2.0, 1.0), 0.2, 0.1), look=look, hide=range(25)
     )
     back = cv2.warpAffine(film.frames[24], film.between(24, 0), (320, 240))
     still = np.abs(film.frames[0].astype(float) - film.frames[24]).mean()

@@ -27,7 +27,7 @@ SIDES = np.array([(0, 1, 3), (0, 3, 2), (1, 2, 3), (0, 2, 1)])
 TEXT, BYTES, CLOSE, PING, PONG = 1, 2, 8, 9, 10
 
 
-class Link(threading.Thread):
+class LiveThread(threading.Thread):
     """A WebSocket client of the standard library: Blender's Python has no other."""
 
     def __init__(self, address):
@@ -152,7 +152,7 @@ class ConnectHerd(bpy.types.Operator):
     def execute(self, context):
         global link
         try:
-            link = Link(context.scene.flockbrush_address)
+            link = LiveThread(context.scene.flockbrush_address)
         except (OSError, ValueError, TypeError) as error:
             self.report({"ERROR"}, f"no live link there: {error}")
             return {"CANCELLED"}

@@ -45,7 +45,8 @@ FEW = 5  # animals
 HARDLY = 0.6  # BL, the way in the clip below which most animals may be taken for ground
 LEAVES, STAYS = 1.0, 0.1  # BL by which a body leaves its place; share of bodies that stay, above which it is noted
 JUMP, STEADY = 0.5, 0.4  # overlap of the herd with that of the frame before, over the usual; and the least usual one
-AHEAD = 2  # pictures that a second thread prepares
+AHEAD = 2  # pictures that other threads work on
+MASKING = 2  # threads that make masks
 ROOMLESS = 0.98  # share of the picture that obstacles cannot cover
 SLOW = 3.0  # deviations of the ground's flow: slower bodies have no direction
 
@@ -153,9 +154,10 @@ class Watch:
         """Measure every frame."""
         clip, taken = self.clip, _Taken(self, self.apart and self.size.length >= SMALL)
         first = None
-        for (k, picture), made in ahead(taken.prepared, clip.read()):
+        masked = ((*frame, *made) for frame, made in ahead(taken.masked, clip.read(), MASKING))
+        for (k, picture, mask, small), bodies in ahead(taken.separated, masked):
             first = picture if first is None else first
-            for glance in taken.next(k, picture, *made):
+            for glance in taken.next(k, picture, mask, small, bodies):
                 if show is not None:
                     show(glance, self, taken.collector.last())
             say("measuring the herd", k + 1, len(clip))
@@ -240,12 +242,13 @@ class _Taken:
             steps.append(np.linalg.norm(move, axis=1))
         return gap_of(np.concatenate(steps), self.watch.size.length, self.clip.fps)
 
-    def prepared(self, k, picture):
-        """(mask, input of the flow, the animals if they are separated) of a picture."""
+    def masked(self, k, picture):
+        """(mask, input of the flow) of a picture; pictures may be masked in any order."""
         mask = self._mask(k, picture)
-        return mask, self.flow.small(picture, mask), self._found(k, picture, mask)
+        return mask, self.flow.small(picture, mask)
 
-    def _found(self, k, picture, mask):
+    def separated(self, k, picture, mask, _small):
+        """The animals of a picture, if they are separated; pictures must come in order."""
         if self.seen is None:
             return None
         before = None if self.last is None else self.last.moved(after(back(self.maps[k]), self.maps[k - 1]))
@@ -362,9 +365,9 @@ def _doubt(way):
     )
 
 
-def ahead(work, items):
-    """(item, work(*item)) of each item in order, while a second thread works on the next."""
-    with ThreadPoolExecutor(1) as pool:
+def ahead(work, items, threads=1):
+    """(item, work(*item)) of each item in order, while other threads work on the next."""
+    with ThreadPoolExecutor(threads) as pool:
         waiting: deque = deque()
         for item in items:
             waiting.append((item, pool.submit(work, *item)))

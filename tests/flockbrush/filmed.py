@@ -9,7 +9,7 @@ import numpy as np
 from flockbrush.behaviours.brush import VisionSpec, shipped
 
 from benchmarks.foreign_herds import herd
-from benchmarks.herd_film import Camera, evidence_of_truth, shoot
+from benchmarks.herd_film import CameraDrift, evidence_of_truth, shoot
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.learned_parameters import Attempt, Learned
 from flockbrush.learning.recipe import SearchSettings
@@ -21,7 +21,7 @@ FILMS = {}  # by path
 def film_of(path, name="own:march", count=30, seconds=1.6, camera=None, body_px=12.0):
     """A film of a herd, remembered for `observe`."""
     truth = herd(name, count, seconds, 12.5, 1)
-    FILMS[str(path)] = shoot(truth, path, (320, 240), body_px, camera or Camera(), seed=1)
+    FILMS[str(path)] = shoot(truth, path, (320, 240), body_px, camera or CameraDrift(), seed=1)
     return path
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import herd_film
 from benchmarks.foreign_herds import herd
-from benchmarks.herd_film import Camera, Look, shoot
+from benchmarks.herd_film import Appearance, CameraDrift, shoot
 from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.film.open_clip import Looking, look_at, looked_apart, training_begun
 from flockbrush.learning.helpers import Helpers
@@ -21,7 +21,7 @@ def mill(tmp_path_factory):
     """A mill filmed without loss, and the same film with its second half replaced, backwards."""
     folder = tmp_path_factory.mktemp("mill")
     truth = herd("mill", count=14, seconds=FRAMES / 25, fps=25, seed=4)
-    film = shoot(truth, None, (256, 256), 13.0, Camera(), look=Look(crf=0), seed=2)
+    film = shoot(truth, None, (256, 256), 13.0, CameraDrift(), look=Appearance(crf=0), seed=2)
     half = FRAMES // 2
     paths = folder / "one.mp4", folder / "other.mp4"
     backwards = film.frames[:half] + film.frames[: half - 1 : -1]

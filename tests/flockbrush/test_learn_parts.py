@@ -15,7 +15,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.systems.measures import compute_nnd
 
 from benchmarks.foreign_herds import herd
-from benchmarks.herd_film import Camera, evidence_of_truth
+from benchmarks.herd_film import CameraDrift, evidence_of_truth
 from flockbrush.cli.learning_commands import command_line
 from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.learning.axis_variance import RANDOM, variance_told
@@ -38,7 +38,7 @@ from flockbrush.learning.verdict import judge
 @pytest.fixture(scope="module")
 def march(tmp_path_factory):
     """A film of a marching herd, and everything about it."""
-    path = film_of(tmp_path_factory.mktemp("films") / "march.mp4", camera=Camera(drift=(6.0, 3.0)))
+    path = film_of(tmp_path_factory.mktemp("films") / "march.mp4", camera=CameraDrift(drift=(6.0, 3.0)))
     return path, observe(path)
 
 

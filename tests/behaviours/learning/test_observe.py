@@ -7,7 +7,7 @@ from flockbrush.engine.problems import ProblemsError
 
 from benchmarks import herd_film
 from benchmarks.foreign_herds import herd
-from benchmarks.herd_film import STILL, Camera, shoot
+from benchmarks.herd_film import STILL, CameraDrift, shoot
 from flockbrush.film.camera_maps import Steady, after, back, fitted, moved_by, smoothed
 from flockbrush.film.clip_fields import Collector, grid_over, moments, painted, read_colours
 from flockbrush.film.clip_reader import open_clip
@@ -27,7 +27,7 @@ SIZE = (480, 360)
 def band(tmp_path_factory):
     """Forty animals march under a camera that drifts, turns, zooms and shakes."""
     truth = herd("band", count=40, seconds=0.8, fps=25, seed=1)
-    camera = Camera(drift=(1.5, 0.8), turn=0.15, zoom=0.06)
+    camera = CameraDrift(drift=(1.5, 0.8), turn=0.15, zoom=0.06)
     return shoot(truth, tmp_path_factory.mktemp("band") / "band.mp4", SIZE, 16.0, camera, seed=2)
 
 
@@ -86,7 +86,7 @@ def test_two_landmarks_do_as_well(band):
 
 def test_a_landmark_that_leaves_the_picture_or_is_plain_is_told(band, tmp_path):
     truth = herd("band", count=6, seconds=1.0, fps=25, seed=1)
-    away = shoot(truth, tmp_path / "away.mp4", SIZE, 16.0, Camera(drift=(14.0, 0.0), turn=0, zoom=0), seed=2)
+    away = shoot(truth, tmp_path / "away.mp4", SIZE, 16.0, CameraDrift(drift=(14.0, 0.0), turn=0, zoom=0), seed=2)
     with pytest.raises(CannotObserve, match=r"the rectangle of frame 0 was lost at frame \d+; draw it around"):
         follow_landmarks(open_clip(away.path), [Landmark(0, 20, 100, 60, 50)])
     with pytest.raises(CannotObserve, match="must be a rectangle .* inside the picture of 480 x 360"):

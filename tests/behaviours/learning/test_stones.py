@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import herd_film
 from benchmarks.foreign_herds import Truth, herd
-from benchmarks.herd_film import LOOKS, STILL, Camera, shoot
+from benchmarks.herd_film import LOOKS, STILL, CameraDrift, shoot
 from flockbrush.film.clip_reader import open_clip
 from flockbrush.film.masks import _without_shadows
 from flockbrush.film.observations import CannotObserve
@@ -45,7 +45,7 @@ def test_under_a_camera_that_turns_stones_are_no_animals_and_those_who_rest_are(
     xy = np.concatenate([band.xy, np.broadcast_to(rest, (30, RESTING, 2))], axis=1)
     forward = np.concatenate([band.forward, np.broadcast_to([0.6, 0.8], (30, RESTING, 2))], axis=1)
     truth = Truth("band", 25.0, xy, forward, np.zeros((30, HERD + RESTING)))
-    film = shoot(truth, tmp_path / "stones.mp4", (480, 480), 16.0, Camera(turn=0.25), LOOKS["sheep"], seed=5)
+    film = shoot(truth, tmp_path / "stones.mp4", (480, 480), 16.0, CameraDrift(turn=0.25), LOOKS["sheep"], seed=5)
     seen = observe(film.path)
     found = np.diff(seen.sightings.first)
     assert abs(np.median(found) - (HERD + RESTING)) <= 1, found
