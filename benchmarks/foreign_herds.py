@@ -49,7 +49,7 @@ class Truth:
 # models -------------------------------------------------------------------------------------------------------------
 
 
-class _Herd:
+class ForeignHerd:
     """A herd in the hands of a foreign model; `step` is one dt of it."""
 
     start = "disc"
@@ -86,9 +86,9 @@ class _Herd:
     def toward(self, wish, rate, dt, most=math.inf, noise=0.0):
         """Turn to the directions wished, (n, 2), as fast as rate (1/s) says, with noise in rad/√s."""
         known = np.hypot(*wish.T) > 1e-9
-        off = _wrapped(np.arctan2(wish[:, 1], wish[:, 0]) - self.angle)
+        off = wrapped(np.arctan2(wish[:, 1], wish[:, 0]) - self.angle)
         turn = np.where(known, np.clip(off * min(1.0, rate * dt), -most * dt, most * dt), 0.0)
-        self.angle = _wrapped(self.angle + turn + noise * math.sqrt(dt) * self.rng.normal(size=self.n))
+        self.angle = wrapped(self.angle + turn + noise * math.sqrt(dt) * self.rng.normal(size=self.n))
 
     def breathe(self, dt, mean, spread=0.08, rate=1.0):
         """Speeds that come and go about their mean (BL/s), spread as a share of it."""
@@ -100,7 +100,7 @@ class _Herd:
         self.xy = apart(self.xy + self.forward * self.pace[:, None] * dt, self.forward)
 
 
-class Band(_Herd):
+class Band(ForeignHerd):
     """A marching band: Grégoire and Chaté's cohesive Vicsek model [1]_, all in one direction after some seconds."""
 
     speed, align, press, near, rest, far, reach, noise = 3.0, 1.0, 0.4, 0.8, 1.3, 2.6, 3.0, 0.3
@@ -122,7 +122,7 @@ class Band(_Herd):
         self.go(dt)
 
 
-class Mill(_Herd):
+class Mill(ForeignHerd):
     """A mill: D'Orsogna et al.'s self-propelled particles in a Morse potential [2]_, begun as a turning ring."""
 
     speed, relax, attract, attract_reach, repel, repel_reach = 3.0, 0.5, 0.4, 10.0, 2.0, 1.6
@@ -133,7 +133,7 @@ class Mill(_Herd):
         k = np.arange(self.n) + 0.5
         r, a = np.sqrt(inner**2 + k * self.spacing**2 / math.pi * 1.3), k * 2.39996
         self.centre = np.zeros(2)
-        return np.column_stack([r * np.cos(a), r * np.sin(a)]), _wrapped(a + math.pi / 2)
+        return np.column_stack([r * np.cos(a), r * np.sin(a)]), wrapped(a + math.pi / 2)
 
     def step(self, dt):
         offset, d = self.pairs()
@@ -151,7 +151,7 @@ class Mill(_Herd):
         self.go(dt)
 
 
-class Swarm(_Herd):
+class Swarm(ForeignHerd):
     """A swarm without common direction: run and tumble [4]_, with room for each and a weak pull to the others."""
 
     speed, tumbles, room, pull, reach, noise = 1.5, 0.35, 2.0, 0.25, 8.0, 0.3
@@ -179,7 +179,7 @@ class Swarm(_Herd):
         self.go(dt)
 
 
-class School(_Herd):
+class School(ForeignHerd):
     """A school: Couzin et al.'s zones of repulsion, orientation and attraction [3]_; with little orientation a mill."""
 
     speed, repel, orient, attract, blind, turning, noise = 3.0, 0.9, 4.0, 12.0, 90.0, 1.75, 0.15
@@ -198,7 +198,7 @@ class School(_Herd):
         self.go(dt)
 
 
-class Graze(_Herd):
+class Graze(ForeignHerd):
     """A grazing herd: they stand, walk some steps, and stand again, as one of their neighbours does [5]_."""
 
     speed, starts, stops, room, noise = 0.6, 0.4, 0.25, 2.0, 0.3
@@ -219,12 +219,12 @@ class Graze(_Herd):
         push = np.einsum("ij,ijk->ik", np.clip(1 - d / self.room, 0, None) * -2.0, unit)
         pull = 0.02 * (self.xy.mean(0) - self.xy)
         self.toward(np.where(self.walks[:, None], self.forward + push + pull, 0.0), 2.0, dt, noise=0.0)
-        self.angle = _wrapped(self.angle + self.noise * math.sqrt(dt) * self.rng.normal(size=self.n) * self.walks)
+        self.angle = wrapped(self.angle + self.noise * math.sqrt(dt) * self.rng.normal(size=self.n) * self.walks)
         self.breathe(dt, np.where(self.walks, self.speed, 0.0), 0.1, 3.0)
         self.go(dt)
 
 
-class Topological(_Herd):
+class Topological(ForeignHerd):
     """A flock of so many nearest neighbours, however far [6]_: align and gather, with a soft core."""
 
     speed, neighbours, noise, room = 2.5, 7, 0.4, 1.1
@@ -317,7 +317,7 @@ def _truth(name, fps, xy, forward):
     return Truth(name, float(fps), xy, forward, np.hypot(velocity[..., 0], velocity[..., 1]))
 
 
-def _wrapped(angle):
+def wrapped(angle):
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 

@@ -3,6 +3,7 @@
     python benchmarks/learning.py step [--animals 500 1000 1500] [--rounds 20]
     python benchmarks/learning.py truth [--quick] [--write]     known truths (learning_truth.py)
     python benchmarks/learning.py halves [--clips ...] [--write]  predict the second half of clips (learning_halves.py)
+    python benchmarks/learning.py foreign [--quick] [--write]   models not developed on (learning_foreign.py)
     python benchmarks/learning.py paper [--starts 2]            errors from fields and the paper's (learning_paper.py)
     python benchmarks/learning.py calibration [--count 60] [--write]  errors of the verdict (learning_calibration.py)
     python benchmarks/learning.py tracks --data DIR [--write]   tracks of real animals (learning_tracks.py)
@@ -37,6 +38,7 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parent.parent)]
 
 import learning_calibration  # noqa: E402
+import learning_foreign  # noqa: E402
 import learning_halves  # noqa: E402
 import learning_models  # noqa: E402
 import learning_paper  # noqa: E402
@@ -232,6 +234,7 @@ def main(argv=None):
     two.set_defaults(run=positions)
     learning_truth.add(parts)
     learning_halves.add(parts)
+    learning_foreign.add(parts)
     learning_paper.add(parts)
     learning_calibration.add(parts)
     learning_tracks.add(parts)

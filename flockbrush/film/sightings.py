@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from scipy.spatial import cKDTree
 
 from flockbrush.film.body_matching import follow
 from flockbrush.film.heads import by_looks
@@ -35,6 +36,7 @@ UNSURE = 2.5  # times as noisy as usual: at the ends of tracks no turning is tol
 SMALL = 0.75  # of the usual area
 WALKED, SURE_WAY = 0.3, 8.0  # BL, and times the noise of a place: so far gone, the way tells how a body lies
 ACROSS = 0.8  # cosine of the angle between body and way: below, the axis seen is not the body's
+AROUND, PARALLEL = 5, 0.8  # bodies that touch no other, and how alike they lie, to tell how those beside them lie
 STILL = 0.25  # BL: an animal that moved less in all has a head at one end or the other
 
 
@@ -86,7 +88,7 @@ def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, SightingNois
     xy = [b.xy @ m[:, :2].T + m[:, 2] for b in frames]
     axis = [b.axis @ m[:, :2].T / scale for b in frames]
     if len(frames) == 1:
-        return _at_rest(xy[0], axis[0], frames[0].alone), UNKNOWN
+        return _at_rest(xy[0], _along_others(xy[0], axis[0], frames[0].alone)), UNKNOWN
     moves = None if flow is None else [np.asarray(f, float) @ m[:, :2].T for f in flow]
     names = _without_specks(follow(xy, axis, moves), xy, [b.area for b in frames], [b.alone for b in frames])
     ends = np.concatenate([b.ends for b in frames]) if _alike([b.ends for b in frames if len(b)]) else None
@@ -143,10 +145,24 @@ def _animals(xy, axis, alone, ends, names, fps):
     return _smoothed(frame[keep], at[keep], along[keep], weight[keep], ends[keep], begin, count, fps)
 
 
-def _at_rest(xy, axis, alone):
-    """Sightings of a single picture: bodies that touch no other; heads and motion are unknown (NaN)."""
-    n, unknown = int(alone.sum()), np.full(int(alone.sum()), np.nan)
-    return Sightings(np.array([0, n]), xy[alone], axis[alone], unknown, unknown.copy(), np.arange(n))
+def _at_rest(xy, axis):
+    """Sightings of a single picture; heads and motion are unknown (NaN)."""
+    n, unknown = len(xy), np.full(len(xy), np.nan)
+    return Sightings(np.array([0, n]), xy, axis, unknown, unknown.copy(), np.arange(n))
+
+
+def _along_others(xy, axis, alone):
+    """The axes of the bodies of a single picture; of one across parallel bodies that it touches, theirs.
+
+    Parallel bodies side by side fill the same pixels as bodies across them; those that touch no other tell which.
+    """
+    if alone.sum() < AROUND or alone.all():
+        return axis
+    lone = np.exp(2j * np.arctan2(axis[alone, 1], axis[alone, 0]))
+    around = lone[cKDTree(xy[alone]).query(xy, k=AROUND)[1]].mean(1)
+    common = np.column_stack([np.cos(0.5 * np.angle(around)), np.sin(0.5 * np.angle(around))])
+    across = ~alone & (np.abs(around) > PARALLEL) & (np.abs((common * axis).sum(1)) < ACROSS)
+    return np.where(across[:, None], common, axis)
 
 
 def _nobody(count):

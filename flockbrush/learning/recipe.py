@@ -2,12 +2,12 @@
 
 1. Speed, bodies and the way animals begin follow from the clip directly (`flockbrush.learning.initial_conditions`).
 2. **Starts**: some at random, the numbers of every shipped brush of the herd model that was not itself learned, and, of
-   fields alone, draws that are only tried: a descent on fields gains little.
+   fields alone and photographs, draws that are only tried: a descent on fields gains little.
 3. **Descent** of each: on the turns of single animals where they are told apart (`flockbrush.learning.turns`), else on
    the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).
 4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
-   (`flockbrush.learning.scores`): once as far as the clip goes, and the better half once well beyond, so that a mill
-   must keep milling and not only begin as one.
+   (`flockbrush.learning.scores`): once as far as the clip goes, and the better half (of draws a sixth) well beyond,
+   so that a mill must keep milling and not only begin as one.
 5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
    fast animals can turn and how fast they answer.  Wander is capped by the residual of the turn fits.
 6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
@@ -72,7 +72,8 @@ RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
 GENERATION = 8  # candidates
 STEP, WIDE_STEP = 0.05, 0.12  # of an evolution: near a fit to turns; where fields alone say how animals turn
-DRAWS, QUICK_DRAWS, TWICE = 48, 16, 9  # random ones that are tried where a descent has only fields; most, tried again
+DRAWS, QUICK_DRAWS, TWICE = 192, 32, 9  # random ones that are tried where a descent has only fields; most, tried again
+ONE_OF, ONE_OF_DRAWS = 2, 6  # of so many, one is tried to the end
 REFINED = 2
 CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
 FINALISTS, QUICK_FINALISTS = 4, 3
@@ -164,7 +165,7 @@ class _Search:
     def __init__(self, given, settings, say):
         self.given, self.seed, self.say = given, settings.seed, say
         self.quick = settings.quick
-        self.by_fields = any(clip.fields.tells_motion and not followed(clip) for clip in given.clips)
+        self.by_fields = any(not followed(clip) for clip in given.clips)
         self.attempts: list[Attempt] = []
         self.deviation: dict[int, np.ndarray] = {}
         self.correlation: dict[int, np.ndarray] = {}
@@ -322,10 +323,11 @@ class _Search:
         self.say(0, len(which), np.nan, "trials")
         beside = workers.map(trial, [self._trial(k, seed, False, False) for k in which])
         far = [total(means_of(run)) for run in beside]
-        many, half = max(4, min(TWICE, len(which) // 3)), max(4, -(-len(which) // 2))
-        kept = [which[k] for k in np.argsort(far, kind="stable")[:half]]
+        one_of = ONE_OF_DRAWS if self.by_fields else ONE_OF
+        many, some = max(4, min(TWICE, len(which) // 3)), max(4, -(-len(which) // one_of))
+        kept = [which[k] for k in np.argsort(far, kind="stable")[:some]]
         scores = self._judge(workers, kept, [seed], False, "trials")
-        self.budget -= self.cost * (len(which) - len(kept)) * DT / COARSE_DT  # as if all had been tried to the end
+        self.budget -= self.cost * (len(which) - len(kept)) * ONE_OF / one_of * DT / COARSE_DT  # as if tried to the end
         better = [kept[k] for k in np.argsort(scores, kind="stable")[:many]]
         again = [_seed(self.seed, 2, k) for k in (0, 1, 2)]
         self._judge(workers, better, again, False, "trials of the best candidates")
@@ -357,7 +359,7 @@ class _Search:
 
     def _evolve_one(self, workers, parent, generations, number, many):
         begin = self.attempts[parent]
-        code = Code(begin.theta, begin.extras, "angular" in self.given.use, self.most_wander)
+        code = Code(begin.theta, begin.extras, "angular" in self.given.use, self.most_wander, self.by_fields)
         cloud = Evolution(code.numbers, WIDE_STEP if self.by_fields else STEP, GENERATION, (self.seed, 3, number))
         worths, best = [begin.score], None
         for g in range(generations):

@@ -48,7 +48,7 @@ COUNTS = {
     "milling": 3.0,
     "nearest neighbour": 2.0,
     "spacing": 6.0,
-    "pairs": 3.0,
+    "pairs": 6.0,
 }
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
@@ -302,6 +302,7 @@ class ClipTarget:
     # (9,) BL, deciles of the distances to the nearest neighbour in a photograph; NaN of a film
     spacing: np.ndarray = field(default_factory=lambda: np.full(9, np.nan))
     headed: bool = True  # whether headings are known
+    trend: dict[str, float] = field(default_factory=dict)  # of fields alone: -1 to 1, falling or rising without a doubt
     pairs: np.ndarray | None = None  # (RINGS,) of a film of animals that cannot be told apart, means over its frames
     pairs_end: np.ndarray | None = None  # what they come to, as `end`
     pairs_scale: float = FLOOR  # mean of what its frames are off their mean
@@ -324,11 +325,12 @@ class ClipTarget:
             for name in ("aspect", "spread"):
                 mean[name] = np.nan
         ends = {name: _in_the_end(over_time[name], mean[name], scale[name]) for name in LASTING}
-        end, end_scale = ({name: pair[k] for name, pair in ends.items()} for k in (0, 1))
+        end, end_scale, trend = ({name: told[k] for name, told in ends.items()} for k in (0, 1, 2))
         around, headed = neighbour_map(view), evidence.fields.tells_motion
         spacing = spacings([view.xy[view.of(0)]] if single and not headed else [])
         directions = _directions(evidence.fields)
-        told = over_time, mean, scale, around, every, single, end, end_scale, directions, spacing, headed
+        trend = dict.fromkeys(trend, 0.0) if single else trend
+        told = over_time, mean, scale, around, every, single, end, end_scale, directions, spacing, headed, trend
         if single or evidence.fields.pairs is None:
             return cls(*told)
         pairs = np.asarray(evidence.fields.pairs)[::every]
@@ -340,7 +342,7 @@ class ClipTarget:
 
 
 def _in_the_end(values, mean, scale):
-    """The final value of a measure and its standard deviation: the mean, or the last value if there is a trend.
+    """The final value of a measure, its standard deviation and its trend: the mean, or the last value in a trend.
 
     A herd that is still gaining order is unlikely to keep the order it had before.
     """
@@ -348,9 +350,9 @@ def _in_the_end(values, mean, scale):
     first, last = _mean(values[:third]), _mean(values[-third:])
     change = last - first
     if not np.isfinite(change):
-        return mean, scale
+        return mean, scale, 0.0
     share = change**2 / (change**2 + scale**2)
-    return mean + share * (last - mean), float(np.hypot(scale, share * change))
+    return mean + share * (last - mean), float(np.hypot(scale, share * change)), float(share * np.sign(change))
 
 
 def spacings(looks) -> np.ndarray:
@@ -453,7 +455,8 @@ def order_off(run: Run, evidence: Evidence, target: ClipTarget) -> dict[str, flo
             mine = beyond_chance(mine, animals, of_one)
             theirs = beyond_chance(theirs, float(np.nanmean(evidence.fields.count)), of_one)
             by_chance = 0.5 * np.sqrt(of_one / max(animals, 1.0))
-            out[name] = min(abs(mine - theirs) / max(target.end_scale[name], by_chance), FARTHEST)
+            gap = _short_of(mine - theirs, target, name)
+            out[name] = min(gap / max(target.end_scale[name], by_chance), FARTHEST)
     return out
 
 
@@ -473,7 +476,13 @@ def _off(mine, target, name):
 
 
 def _off_in_the_end(mine, target, name):
-    return _in_deviations(abs(_mean(mine[len(mine) // 3 :]) - target.end[name]), target.end_scale[name])
+    gap = _short_of(_mean(mine[len(mine) // 3 :]) - target.end[name], target, name)
+    return _in_deviations(gap, target.end_scale[name])
+
+
+def _short_of(gap, target, name):
+    """How far a measure is from its final value; less where it goes on as it did at the end of the clip."""
+    return abs(gap) * (1.0 - max(0.0, np.sign(gap) * target.trend.get(name, 0.0)))
 
 
 def _in_deviations(gap, scale):

@@ -66,15 +66,19 @@ def _extras_of(params):
 
 
 class Code:
-    """Parameters as numbers between 0 and 1, and back: nine of theta, and the logarithms of the extras."""
+    """Parameters as numbers between 0 and 1, and back: nine of theta, and the logarithms of the extras.
 
-    def __init__(self, theta, extras, angular, most_wander):
+    ``weak``: the weights as square roots, so that small ones are searched as finely as they matter.
+    """
+
+    def __init__(self, theta, extras, angular, most_wander, weak=False):
         self.limits = EXTRAS | {"wander": (EXTRAS["wander"][0], most_wander)}
         self.theta, self.extras = np.array(theta, float), dict(extras)
         self.free = np.array([k for k in range(9) if angular or k % 3 != 2])
         usual = params_of(theta, extras)
+        self.power = np.where(weak & (self.free % 3 == 0), 2.0, 1.0)
         logs = [self._to(name, getattr(usual, name)) for name in EXTRAS]
-        self.numbers = np.concatenate([self.theta[self.free], logs])
+        self.numbers = np.concatenate([self.theta[self.free] ** (1.0 / self.power), logs])
 
     def _to(self, name, value):
         low, high = self.limits[name]
@@ -83,7 +87,8 @@ class Code:
     def read(self, numbers):
         """(theta, extras) as JSON holds them."""
         theta = self.theta.copy()
-        theta[self.free] = np.clip(numbers[: len(self.free)], LEAST, 1.0)
+        theta[self.free] = np.clip(numbers[: len(self.free)], 0.0, 1.0) ** self.power
+        theta[self.free] = np.maximum(theta[self.free], LEAST)
         extras = dict(self.extras)
         for name, x in zip(EXTRAS, numbers[len(self.free) :], strict=True):
             low, high = self.limits[name]

@@ -18,6 +18,7 @@ from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.observe import observe
 from flockbrush.film.stabilise import _Follower, follow_landmarks, register
 from flockbrush.learning.rollout import Gates
+from flockbrush.learning.scores import spacings
 
 SIZE = (480, 360)
 
@@ -195,7 +196,8 @@ def test_a_photograph_tells_density_and_no_motion(band, tmp_path):
     cv2.imwrite(str(tmp_path / "photo.png"), film.frames[0])
     photo = observe(tmp_path / "photo.png")
     assert photo.still and photo.speed is None and not photo.fields.occupied.any()
-    assert photo.fields.count[0] == pytest.approx(film.inside(0).sum(), rel=0.3)
+    assert len(photo.sightings.xy) == film.inside(0).sum()  # touching ones, too
+    assert spacings([photo.sightings.xy]) == pytest.approx(spacings([truth.xy[0]]), rel=0.1)
 
 
 # what is painted ---------------------------------------------------------------------

@@ -109,6 +109,18 @@ def test_of_a_herd_that_comes_into_order_the_order_it_comes_to_should_last():
     assert steady.end == pytest.approx({name: steady.mean[name] for name in steady.end}, rel=0.01, nan_ok=True)
 
 
+def test_of_fields_alone_a_trend_may_go_on_but_not_back():
+    xy, forward = march(60)
+    wider = lambda by: run_of(xy * np.broadcast_to(by, 60)[:, None, None], forward)  # noqa: E731
+    clip = clip_of(wider(np.linspace(1.0, 1.5, 60)).xy.reshape(xy.shape), forward, cell=1.0)
+    fields = dataclasses.replace(clip, sightings=None)
+    off = [
+        [distance(wider(by), seen, ClipTarget.of(seen), lasting=True)["spread"] for by in (1.0, 2.0)]
+        for seen in (clip, fields)
+    ]
+    assert off[1][0] == pytest.approx(off[0][0], rel=0.3) and off[1][1] < 0.6 * off[0][1]
+
+
 def test_of_a_measure_that_is_told_in_a_few_moments_nothing_follows():
     """Disordered animals have no front but in the moment in which chance polarizes them."""
     xy, forward = gathering(0.0, frames=20)

@@ -211,11 +211,17 @@ def test_real_fish_keep_their_names():
     assert switches / total < 0.05  # who is out of sight for long gets another name
 
 
-def test_a_picture_tells_how_everybody_lies_who_touches_nobody():
-    (first, *_), angle = walk()
-    first.alone[2] = False
-    seen, _ = sightings_of([first], 25.0, TO_BL)
-    assert len(seen) == 1 and len(seen.xy) == 8
-    along = np.array([np.cos(angle[0]), np.sin(angle[0])])
-    assert np.abs(seen.forward @ along) == pytest.approx(1.0)  # which end the head is nobody knows
-    assert np.isnan(seen.speed).all() and np.isnan(seen.turn).all()
+@pytest.mark.parametrize("spread", [0.05, 1.5], ids=["parallel", "at random"])
+def test_in_a_picture_a_body_across_parallel_ones_that_it_touches_lies_as_they_do(spread):
+    rng = np.random.default_rng(3)
+    at = np.argwhere(np.ones((6, 6))) * 30.0
+    angle = rng.uniform(-spread, spread, 36)
+    angle[[2, 20]] += np.pi / 2
+    alone = np.arange(36) != 20
+    axis = np.column_stack([np.cos(angle), np.sin(angle)])
+    picture = Outlines(at, axis, np.full(36, 20.0), np.full(36, 8.0), np.full(36, 140.0), alone)
+    seen, _ = sightings_of([picture], 25.0, np.array([[0.05, 0, 0], [0, 0.05, 0]]))
+    assert len(seen) == 1 and np.isnan(seen.speed).all() and np.isnan(seen.turn).all()
+    own = np.abs((seen.forward * axis).sum(1))  # which end the head is nobody knows
+    assert own[alone] == pytest.approx(1.0)
+    assert own[20] < 0.1 if spread < 1 else own[20] == pytest.approx(1.0)
