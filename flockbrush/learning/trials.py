@@ -263,7 +263,10 @@ def scored(runs: Sequence[Sequence[list]]):
     clip, lasting = (
         means_of([part for parts in zip(*(run[k] for run in runs), strict=True) for part in parts]) for k in (0, 1)
     )
-    score = float(np.sqrt(np.mean([*squares(clip), total(lasting) ** 2])))
+    beside, lasts = squares(clip), total(lasting) ** 2
+    if len(beside) > 1:  # what the verdict asks of the long run is less strict, too
+        lasts /= LIMIT**2
+    score = float(np.sqrt(np.mean([*beside, lasts])))
     figures = clip | {f"lasting {name}": value for name, value in lasting.items()}
     return {"score": score, "figures": dict(sorted(figures.items()))}
 
