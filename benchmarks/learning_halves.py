@@ -10,9 +10,10 @@ all measures (``flockbrush.learning.scores``, mean over as many runs for all) is
 parameters and of every shipped brush: as shipped and, harder to beat, with the speeds and bodies learned from the
 clip, so that only the turning differs.
 
-``--again`` learns nothing: it films the clips again, takes the stored parameters, and judges them by the whole battery
-of the verdict.  Beside them stands the floor: the true model, with other random numbers from the clip's middle on
-(polarization, milling, battery) and from its end on (what must last for 20 s), seen from the same camera.
+All are judged by the whole battery of the verdict, too.  Beside them stands the floor: the true model, with other
+random numbers from the clip's middle on (polarization, milling, battery) and from its end on (what must last for
+20 s), seen from the same camera.  ``--again`` learns nothing: it films the clips again and judges the stored
+parameters by the battery.  ``--no-rivals`` leaves out random parameters and shipped brushes.
 """
 
 from __future__ import annotations
@@ -52,13 +53,14 @@ def add(commands):
     parser.add_argument("--clips", nargs="*", default=[*CLIPS, "sheep"], help="models of foreign_herds, or sheep")
     parser.add_argument("--animals", type=int, default=70)
     parser.add_argument("--seconds", type=float, default=6.0)
-    parser.add_argument("--budget", type=float, default=90.0, help="seconds of trials and evolution, counted in work")
+    parser.add_argument("--budget", type=float, default=45.0, help="seconds of trials and evolution, counted in work")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--seed", type=int, default=SEED, help="seed of the filmed herds")
     parser.add_argument("--perfect", action="store_true", help="a perfect observer instead of a film")
     parser.add_argument(
         "--again", action="store_true", help="judge the stored parameters by the battery, and the truth"
     )
+    parser.add_argument("--no-rivals", dest="rivals", action="store_false", help="no random and no shipped parameters")
     parser.add_argument("--data", type=Path, default=DATA, help="folder with the data sets")
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
     parser.set_defaults(run=run)
@@ -78,7 +80,9 @@ def run(options):
         if options.write:
             RESULTS.write_text(json.dumps(results | rows, indent=1) + "\n")
     shown = results | rows if options.write else rows
-    print(table_again(shown) if options.again else table(shown))
+    print(table_again(shown))
+    if not options.again and options.rivals:
+        print(table({name: row for name, row in shown.items() if "brushes" in row}))
     return [{"clip": name} | row for name, row in rows.items()]
 
 
@@ -103,20 +107,34 @@ def evidence_of_clip(name, options, folder):
 
 def halves_of(name, options):
     """Return the figures of one clip."""
-    from flockbrush.behaviours.brush import shipped
-
     from flockbrush.film.observations import halves
     from flockbrush.learning.recipe import SearchSettings, learn
-    from flockbrush.learning.rollout import params_of
 
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        first, second = halves(evidence_of_clip(name, options, folder)[0])
+        evidence, film = evidence_of_clip(name, options, folder)
+    first, second = halves(evidence)
     looked = time.perf_counter()
     found = learn(first, SearchSettings(budget_s=options.budget), jobs=options.jobs)
     learned = time.perf_counter()
     given = found.speed, found.body
     mine = judged(second, found.params, *given, found.vision)
+    row = {
+        **mine, "chosen": found.starts[found.chosen].name, "theta": np.round(found.theta, 3).tolist(),
+        "extras": {k: round(v, 3) if isinstance(v, float) else v for k, v in found.extras.items()},
+        "seen one by one": first.sightings is not None, "looking, s": round(looked - begun, 1),
+        "learning, s": round(learned - looked, 1),
+    }  # fmt: skip
+    row |= _battery_of(name, options, evidence, film, second, found, row)
+    return row | _rivals_of(second, given, mine) if options.rivals else row
+
+
+def _rivals_of(second, given, mine):
+    """Return the distances of random parameters and shipped brushes from a clip, and what is nearer than they are."""
+    from flockbrush.behaviours.brush import shipped
+
+    from flockbrush.learning.rollout import params_of
+
     rng = np.random.default_rng(3)
     random = [judged(second, params_of(rng.uniform(0.02, 1, 12)), *given, None) for _ in range(RANDOM)]
     brushes, as_shipped = {}, {}
@@ -125,17 +143,12 @@ def halves_of(name, options):
             brushes[brush.name] = judged(second, brush.params, *given, brush.vision)["distance"]
             as_shipped[brush.name] = judged(second, brush.params, brush.speed, brush.body, brush.vision)["distance"]
     return {
-        "within": mine["within"], "polarization": mine["polarization"], "milling": mine["milling"],
-        "distance": mine["distance"], "random, median": float(np.median([r["distance"] for r in random])),
+        "random, median": float(np.median([r["distance"] for r in random])),
         "random, best": min(r["distance"] for r in random), "brushes": brushes, "brushes as shipped": as_shipped,
         "better than all brushes": mine["distance"] < min(brushes.values()),
         "better than all brushes as shipped": mine["distance"] < min(as_shipped.values()),
         "better than random": mine["distance"] < float(np.median([r["distance"] for r in random])),
         "better than all random": mine["distance"] < min(r["distance"] for r in random),
-        "chosen": found.starts[found.chosen].name, "theta": np.round(found.theta, 3).tolist(),
-        "extras": {k: round(v, 3) if isinstance(v, float) else v for k, v in found.extras.items()},
-        "seen one by one": first.sightings is not None, "looking, s": round(looked - begun, 1),
-        "learning, s": round(learned - looked, 1),
     }  # fmt: skip
 
 
@@ -144,10 +157,8 @@ def again(name, options, row):
     from flockbrush.behaviours.brush import VisionSpec
 
     from flockbrush.film.observations import halves
-    from flockbrush.learning.battery import Battery
     from flockbrush.learning.initial_conditions import body_of, speed_of
     from flockbrush.learning.rollout import params_of
-    from flockbrush.learning.verdict import judge
 
     with tempfile.TemporaryDirectory() as folder:
         evidence, film = evidence_of_clip(name, options, folder)
@@ -157,11 +168,19 @@ def again(name, options, row):
         params=params_of(row["theta"], extras), speed=speed_of([first]), body=body_of([first]),
         vision=VisionSpec(range=extras["neighbour_range"]),
     )  # fmt: skip
+    return row | _battery_of(name, options, evidence, film, second, learned, row)
+
+
+def _battery_of(name, options, evidence, film, second, learned, row):
+    """Return what the battery says of learned parameters, and of the true model simulated again."""
+    from flockbrush.learning.battery import Battery
+    from flockbrush.learning.verdict import judge
+
     verdict = judge(second, learned, {}, runs=FLOOR)
     out = {"battery": {"sentence": verdict.sentence, "kind": verdict.kind, **_missed(verdict.brush)}}
     if film is not None:
         out["floor"] = floor_of(name, options, evidence, film, Battery.of(second), row)
-    return row | out
+    return out
 
 
 def floor_of(name, options, evidence, film, battery, row):

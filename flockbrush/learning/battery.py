@@ -29,6 +29,7 @@ from flockbrush.learning.scores import CHANCE
 
 SPAN = 0.5, 1.5  # s over which steps and turns are taken: as long as it takes to go one body length, within
 PART = 0.25  # of the clip, which they are never longer than
+SHORTEST = 0.8  # s of a clip that can be judged
 LOOKS = 36  # moments of a clip that are looked at
 SETTLED = 1 / 3  # of the time, that is left out at the beginning
 BLOCKS, RESAMPLED = 5, 200  # of the bootstrap

@@ -22,9 +22,11 @@ class Evolution:
     size : int
         Candidates to a generation.
     seed : sequence of int
+    shape : (d, d) array_like, optional
+        Covariance of the first generation, in squares of the step.
     """
 
-    def __init__(self, centre, step=0.15, size=8, seed=(0,)):
+    def __init__(self, centre, step=0.15, size=8, seed=(0,), shape=None):
         self.mean, self.step, self.size = np.array(centre, float), float(step), int(size)
         d, self.rng = len(self.mean), np.random.default_rng(list(seed))
         weights = np.log(0.5 * (size + 1)) - np.log(np.arange(1, size // 2 + 1))
@@ -36,7 +38,8 @@ class Evolution:
         self.c_many = min(1 - self.c_one, 2 * (m - 2 + 1 / m) / ((d + 2) ** 2 + m))
         self.damp = 1 + 2 * max(0.0, np.sqrt((m - 1) / (d + 1)) - 1) + self.c_step
         self.usual = np.sqrt(d) * (1 - 1 / (4 * d) + 1 / (21 * d * d))
-        self.shape, self.path, self.step_path, self.generation = np.eye(d), np.zeros(d), np.zeros(d), 0
+        self.shape = np.eye(d) if shape is None else np.array(shape, float)
+        self.path, self.step_path, self.generation = np.zeros(d), np.zeros(d), 0
 
     def ask(self):
         """(size, d) candidates; what lies outside 0 to 1 is folded back in."""

@@ -4,12 +4,14 @@
 2. **Starts**: some at random, the numbers of every shipped brush of the herd model that was not itself learned, and, of
    fields alone and photographs, draws that are only tried: a descent on fields gains little.
 3. **Descent** of each: on the turns of single animals where they are told apart (`flockbrush.learning.turns`), else on
-   the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).
+   the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).  The best fits to turns wander so much that
+   herds, observed as the clip is, scatter about what forces say as its animals do.
 4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
-   (`flockbrush.learning.scores`): once as far as the clip goes, and the better half (of draws a sixth) well beyond,
-   so that a mill must keep milling and not only begin as one.
+   (`flockbrush.learning.scores`; of single animals by the limits of `flockbrush.learning.battery`, too): once as far
+   as the clip goes, and the better half (of draws a sixth) well beyond, so that a mill must keep milling and not only
+   begin as one.
 5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
-   fast animals can turn and how fast they answer.  Wander is capped by the residual of the turn fits.
+   fast animals can turn and how fast they answer.  It begins with changes that leave the turns as likely as they are.
 6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
    shown; and of the first of these, whether they stay what the clip is for 20 s more, and with a quarter and four
    times as many animals.
@@ -39,15 +41,15 @@ from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.interaction import idle_ones
 from flockbrush.learning.learned_parameters import Attempt, Learned, forces_of, told_of
 from flockbrush.learning.rollout import DT, params_of
-from flockbrush.learning.scores import total
-from flockbrush.learning.search_space import EXTRAS, Code, begins, stronger, turn_limits
+from flockbrush.learning.search_space import Code, begins, rescaled, turn_limits
 from flockbrush.learning.trials import (
     BEYOND,
     COARSE_DT,
     FEWEST,
     MANY,
+    MOST_WANDER,
     OTHER_NUMBERS,
-    SPANS,
+    SPAN,
     STAY,
     TOO_MANY,
     USE,
@@ -61,7 +63,10 @@ from flockbrush.learning.trials import (
     keep,
     means_of,
     scored,
+    squares,
+    stiffness,
     trial,
+    wandering,
 )
 from flockbrush.learning.workers import Workers, WorkStopped
 from flockbrush.runs.builds import RUNNING
@@ -71,15 +76,14 @@ HELD = 0.3  # of the frames, at the end, are held back until the choice
 RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
 GENERATION = 8  # candidates
-STEP, WIDE_STEP = 0.05, 0.12  # of an evolution: near a fit to turns; where fields alone say how animals turn
+STEP, WIDE_STEP = 0.1, 0.12  # of an evolution where turns say nothing; where fields alone say how animals turn
 DRAWS, QUICK_DRAWS, TWICE = 192, 32, 9  # random ones that are tried where a descent has only fields; most, tried again
 ONE_OF, ONE_OF_DRAWS = 2, 6  # of so many, one is tried to the end
-REFINED = 2
-CLEARLY = 0.02  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
+CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
+WANDERING = 1.0, 1.6  # factors of the wander that gives the usual scatter: rare large turns need more
 FINALISTS, QUICK_FINALISTS = 4, 3
 KEEPERS = 3  # candidates, re-run for 20 s to test stability
 KEEPING = 0.2  # of the choice
-LEAST_WANDER = 0.05  # rad/√s, that animals may always wander by
 AGREEING = 3  # starts, where no turns say how sure a number is
 
 
@@ -176,7 +180,6 @@ class _Search:
         else:
             self.begins = [(name, np.array(theta, float), dict(extras)) for name, theta, extras in settings.begins]
         self.final: list[int] = []  # attempts that were judged to the end, the best first
-        self.most_wander = EXTRAS["wander"][1]  # what fits leave over, noise of sighting included: an upper bound
         self.interrupted, self.notes = False, []
         self.idle: list[str] = []  # attempts that were left out, since their animals hardly interact
 
@@ -229,45 +232,46 @@ class _Search:
                 found = next(results)
                 fitted.append(self._add_found(Attempt(name, task["seed"], theta, theta, extras), found))
                 found_of[fitted[-1]] = found
-        turned = [k for k, found in found_of.items() if "wander" in found]
+        turned = [k for k, found in found_of.items() if "deviation" in found]
         if turned:
             self._limit(workers, turned)
 
     def _limit(self, workers, fitted):
-        """The best fit of each view range, with turning limited to the fastest turns seen."""
-        best = {}
+        """The best fit of each view range to more turns, with and without a limit of turning, and wandering."""
+        best: dict[float, Attempt] = {}
         for k in sorted(fitted, key=lambda k: self.attempts[k].loss[-1], reverse=True):
             best[self.attempts[k].extras["neighbour_range"]] = self.attempts[k]
-        least = min(a.loss[-1] for a in best.values())
-        best = {sight: a for sight, a in best.items() if a.loss[-1] < least + CLEARLY}
-        limits = (10.0, *turn_limits(self.given.seen)[:: 2 if self.quick else 1])
-        tasks = [
-            {"theta": a.theta.tolist(), "extras": a.extras | {"max_turn": limit}, "seed": a.seed}
-            for a in best.values()
-            for limit in limits
-        ]
+        parents = sorted(best.values(), key=lambda a: a.loss[-1])[: 1 if self.quick else None]
+        limits = [10.0, *([] if self.quick else turn_limits(self.given.seen)[-1:])]
+        which = [(parent, limit) for parent in parents for limit in limits]
+        tasks = []
+        for a, limit in which:  # weights that came to their end get room
+            theta, extras = rescaled(a.theta, a.extras | {"max_turn": limit})
+            tasks.append({"theta": theta, "extras": extras, "seed": a.seed, "rows": MANY, "span": SPAN})
         found = workers.map(descend, tasks)
-        order = sorted(range(len(tasks)), key=lambda k: found[k]["loss"][-1])
-        parents = [a for a in best.values() for _ in range(len(tasks) // len(best))]
-        self._refine(workers, [(parents[k], found[k]) for k in order[:REFINED]])
+        pairs = list(zip(which, found, strict=True))
+        least = {limit: min(fit["loss"][-1] for (_, own), fit in pairs if own == limit) for limit in limits}
+        pairs = [(at, fit) for at, fit in pairs if fit["loss"][-1] < least[at[1]] + CLEARLY]
+        made = [
+            self._add_found(dataclasses.replace(a, name=f"{a.name}, at most {limit:.3g} rad/s"), fit)
+            for (a, limit), fit in pairs
+        ]
+        self._wander(workers, [*self._likely(fitted), *made])
 
-    def _refine(self, workers, best):
-        """The best fits again, to more turns, over a short and a long time; and with the chance they leave over."""
-        tasks, parents = [], []
-        for parent, found in best:
-            theta, extras = stronger(found["theta"], found["extras"])
-            for span in SPANS:
-                tasks.append({"theta": theta, "extras": extras, "seed": parent.seed, "rows": MANY, "span": span})
-                parents.append(parent)
-        results = workers.map(descend, tasks)
-        left_over = [found["wander"] for found in results if "wander" in found]
-        if left_over:
-            self.most_wander = min(self.most_wander, max(*left_over, LEAST_WANDER))
-        for parent, task, found in zip(parents, tasks, results, strict=True):
-            name = f"{parent.name}, {task['span']:g} s"
-            self._add_found(dataclasses.replace(parent, name=name), found)
-            wanders = found | {"extras": found["extras"] | {"wander": found["wander"]}}
-            self._add_found(dataclasses.replace(parent, name=name + ", wandering"), wanders)
+    def _likely(self, fitted):
+        """Fits that say the turns nearly as well as the best."""
+        least = min(self.attempts[k].loss[-1] for k in fitted)
+        return [k for k in fitted if self.attempts[k].loss[-1] < least + CLEARLY]
+
+    def _wander(self, workers, which):
+        """These, wandering so much that herds scatter as the animals of the clip do."""
+        seed, parents = _seed(self.seed, 7, 0), [self.attempts[k] for k in which]
+        tasks = [{"theta": a.theta.tolist(), "extras": a.extras, "seed": seed} for a in parents]
+        for k, parent, found in zip(which, parents, workers.map(wandering, tasks), strict=True):
+            for factor in WANDERING if 0.0 < found["wander"] < MOST_WANDER else ():
+                extras = parent.extras | {"wander": factor * found["wander"]}
+                new = dataclasses.replace(parent, name=f"{parent.name}, wandering {factor:g}", extras=extras)
+                self._add(new, self.deviation.get(k), self.correlation.get(k))
 
     def _add_found(self, attempt, found):
         return self._add(
@@ -322,7 +326,7 @@ class _Search:
         which, seed = self._interacting(workers, self._distinct()), _seed(self.seed, 2, 0)
         self.say(0, len(which), np.nan, "trials")
         beside = workers.map(trial, [self._trial(k, seed, False, False) for k in which])
-        far = [total(means_of(run)) for run in beside]
+        far = [sum(squares(means_of(run))) for run in beside]
         one_of = ONE_OF_DRAWS if self.by_fields else ONE_OF
         many, some = max(4, min(TWICE, len(which) // 3)), max(4, -(-len(which) // one_of))
         kept = [which[k] for k in np.argsort(far, kind="stable")[:some]]
@@ -359,8 +363,11 @@ class _Search:
 
     def _evolve_one(self, workers, parent, generations, number, many):
         begin = self.attempts[parent]
-        code = Code(begin.theta, begin.extras, "angular" in self.given.use, self.most_wander, self.by_fields)
-        cloud = Evolution(code.numbers, WIDE_STEP if self.by_fields else STEP, GENERATION, (self.seed, 3, number))
+        code = Code(begin.theta, begin.extras, "angular" in self.given.use, self.by_fields)
+        step = WIDE_STEP if self.by_fields else STEP
+        told = stiffness(self.given, begin.theta, begin.extras)
+        shape = None if told is None else code.shape(told, step)
+        cloud = Evolution(code.numbers, step, GENERATION, (self.seed, 3, number), shape)
         worths, best = [begin.score], None
         for g in range(generations):
             asked = cloud.ask()

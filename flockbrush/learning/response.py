@@ -15,7 +15,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ from flockbrush.film.observations import Evidence, Sightings
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, BatteryRow, seen_run
 from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.rollout import Run, theta_of
-from flockbrush.learning.turns import predicted, residuals, turns_of
+from flockbrush.learning.turns import Turns, predicted, residuals, turns_of
 
 RESPONSE, SCATTER = "response to neighbours", "scatter of turns"
 FORCES = 9  # of the numbers of theta: without those of obstacles
@@ -47,23 +47,27 @@ class Answer(NamedTuple):
     turns: float  # effective number of turns, by their weights
 
 
-def response(clip: Evidence, brush, runs: Sequence[Run]) -> list[BatteryRow]:
+def response(
+    clip: Evidence, brush, runs: Sequence[Run], turns: Callable[[], Turns | None] | None = None
+) -> list[BatteryRow]:
     """Two measures of a clip beside runs of a brush that begin as the clip begins.
 
     Parameters
     ----------
     brush : Brush or Learned
         Anything with ``params``, ``body`` and ``vision``.
+    turns : callable, optional
+        ``turns_seen`` of the clip where they are known already.
 
     Returns
     -------
     list of BatteryRow
         Empty where animals are not told apart, the brush is not of the model `herd`, or too few turns are seen.
     """
-    if not told_apart(clip) or type(brush.params) is not Params or len(runs) < 2:
+    if not told_apart(clip) or type(brush.params) is not Params or not runs:
         return []
-    mine = _answer(clip, clip.sightings, brush)
-    theirs = [_answer(clip, _seen(run, clip), brush) for run in runs]
+    mine = _answer(clip.sightings, brush, turns() if turns else turns_seen(clip, clip.sightings, brush))
+    theirs = [_answer_of_run(run, clip, brush) for run in runs]
     if mine is None or any(other is None for other in theirs):
         return []
     values, vectors = np.linalg.eigh(np.mean([a.gram for a in (mine, *theirs)], axis=0))
@@ -75,9 +79,10 @@ def response(clip: Evidence, brush, runs: Sequence[Run]) -> list[BatteryRow]:
     of_runs, more = wished.mean(0), 1.0 + 1.0 / len(theirs)
     chance = mine.scatter * np.sqrt(told.sum() / mine.turns * more)  # of so many numbers fitted to so many turns
     scatters = np.array([a.scatter for a in theirs])
+    between = scatters.std(ddof=1) if len(theirs) > 1 else 0.0
     rows = [
         (RESPONSE, mine.forces, np.mean([a.forces for a in theirs]), np.linalg.norm(asked - of_runs), chance),
-        (SCATTER, mine.scatter, scatters.mean(), abs(mine.scatter - scatters.mean()), scatters.std(ddof=1) * more**0.5),
+        (SCATTER, mine.scatter, scatters.mean(), abs(mine.scatter - scatters.mean()), between * more**0.5),
     ]
     return [
         BatteryRow(name, own, float(herd), float(off), max(MEASURES[name].share * mine.scatter, DEVIATIONS * chance))
@@ -85,12 +90,28 @@ def response(clip: Evidence, brush, runs: Sequence[Run]) -> list[BatteryRow]:
     ]
 
 
-def _answer(clip, seen, brush):
-    """The `Answer` of the turns; None if they are too few."""
+def scatters(clip: Evidence, brush, run: Run) -> tuple[float, float] | None:
+    """Scatter of the turns of a clip and of a run about what the brush foretells, rad; None if too few are seen."""
+    mine = _answer(clip.sightings, brush, turns_seen(clip, clip.sightings, brush))
+    theirs = _answer_of_run(run, clip, brush)
+    return None if mine is None or theirs is None else (mine.scatter, theirs.scatter)
+
+
+def _answer_of_run(run, clip, brush):
+    seen = _seen(run, clip)
+    return _answer(seen, brush, turns_seen(clip, seen, brush))
+
+
+def turns_seen(clip: Evidence, seen: Sightings, brush) -> Turns | None:
+    """The turns in sightings, of the clip or of a run, at those moments that are looked at."""
     ahead = max(1, round(SPAN * clip.fps))
     frames = range(0, len(clip.fields) - ahead, max(1, len(clip.fields) // LOOKS))
     same = replace(clip, sightings=_stepped(seen, clip.fps, ahead))
-    turns = turns_of(same, brush.body, brush.vision, brush.params, span=SPAN, frames=frames) if len(frames) else None
+    return turns_of(same, brush.body, brush.vision, brush.params, span=SPAN, frames=frames) if len(frames) else None
+
+
+def _answer(seen, brush, turns):
+    """The `Answer` of the turns; None if they are too few."""
     if turns is None or len(turns.rows) < FEWEST:
         return None
     theta = theta_of(brush.params)

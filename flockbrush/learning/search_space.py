@@ -9,18 +9,22 @@ from flockbrush.learning.herd_views import followed
 from flockbrush.learning.rollout import LEAST, params_of, theta_of
 from flockbrush.learning.trials import SIGHTS
 
-WEAK = 0.15  # smaller weights are enlarged, and Ω reduced: only the product is identifiable, and weights end at 1e-3
+WEAK, STRONG = 0.15, 0.9  # smaller weights are enlarged and Ω reduced, larger ones the other way: only the product is
+#                           identifiable, and weights end at 1e-3 and 1
+EASED = 6.0  # factor by which weights at their end are reduced
+RESPONSE_STEP = 0.14 / 3.0  # of the scatter: what each of nine numbers may change turns by in the limit of the battery
+STEP_OF_EXTRAS = 0.04
 LIMITS = 0.8, 0.9, 0.96, 0.99  # of all turns are slower than a limit of turning that is tried
 EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
 
 
-def stronger(theta, extras):
-    """The same forces by larger weights and a smaller Ω, where all weights are small."""
+def rescaled(theta, extras):
+    """The same forces by larger weights and a smaller Ω where all weights are small, or the other way round."""
     theta, weights = np.array(theta), np.array(theta)[0:9:3]
-    if weights.max() < WEAK:
-        by = 0.5 / weights.max()
+    by = 0.5 / weights.max() if weights.max() < WEAK else 1.0 / EASED if weights.max() > STRONG else 1.0
+    if by != 1.0:
         theta[0:9:3] = np.clip(weights * by, LEAST, 1.0)
-        extras = extras | {"sensitivity": max(extras.get("sensitivity", 10.0) / by, EXTRAS["sensitivity"][0])}
+        extras = extras | {"sensitivity": float(np.clip(extras.get("sensitivity", 10.0) / by, *EXTRAS["sensitivity"]))}
     return theta.tolist(), extras
 
 
@@ -71,8 +75,7 @@ class Code:
     ``weak``: the weights as square roots, so that small ones are searched as finely as they matter.
     """
 
-    def __init__(self, theta, extras, angular, most_wander, weak=False):
-        self.limits = EXTRAS | {"wander": (EXTRAS["wander"][0], most_wander)}
+    def __init__(self, theta, extras, angular, weak=False):
         self.theta, self.extras = np.array(theta, float), dict(extras)
         self.free = np.array([k for k in range(9) if angular or k % 3 != 2])
         usual = params_of(theta, extras)
@@ -81,7 +84,7 @@ class Code:
         self.numbers = np.concatenate([self.theta[self.free] ** (1.0 / self.power), logs])
 
     def _to(self, name, value):
-        low, high = self.limits[name]
+        low, high = EXTRAS[name]
         return float(np.clip(np.log(max(value, low) / low) / np.log(high / low), 0.0, 1.0))
 
     def read(self, numbers):
@@ -91,8 +94,28 @@ class Code:
         theta[self.free] = np.maximum(theta[self.free], LEAST)
         extras = dict(self.extras)
         for name, x in zip(EXTRAS, numbers[len(self.free) :], strict=True):
-            low, high = self.limits[name]
+            low, high = EXTRAS[name]
             extras[name] = float(low * (high / low) ** x)
         if extras["wander"] <= 1.2 * EXTRAS["wander"][0]:
             extras["wander"] = 0.0
         return theta.tolist(), extras
+
+    def shape(self, stiffness, step):
+        """Covariance of a first generation, in squares of the step, that changes turns no more than the battery allows.
+
+        Parameters
+        ----------
+        stiffness : (12, 12) ndarray
+            Fisher information of theta in one turn.
+        step : float
+            Standard deviation where turns say nothing.
+        """
+        d, few = len(self.numbers), len(self.free)
+        names, by = list(EXTRAS), np.zeros((12, d))
+        by[self.free, np.arange(few)] = 1.0
+        low, high = EXTRAS["sensitivity"]
+        by[0:9:3, few + names.index("sensitivity")] = self.theta[0:9:3] * np.log(high / low)
+        most = np.full(d, step)
+        most[[few + names.index(name) for name in ("wander", "max_turn")]] = STEP_OF_EXTRAS
+        told = by.T @ stiffness @ by / RESPONSE_STEP**2
+        return np.linalg.inv(told + np.diag(most**-2.0)) / step**2

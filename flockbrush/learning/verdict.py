@@ -15,7 +15,7 @@ import numpy as np
 
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
-from flockbrush.learning.battery import DEVIATIONS, MEASURES, Battery, BatteryRow, Series, looks_of_run
+from flockbrush.learning.battery import DEVIATIONS, MEASURES, SHORTEST, Battery, BatteryRow, Series, looks_of_run
 from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.likelihood import likelihoods, read
@@ -27,7 +27,7 @@ RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 2
 ALONE, MEASURED, FPS = 20.0, 10.0, 4.0  # s a herd is left alone, of which the end is measured; looks a second
 LEAST_TOLD = 3  # measures that a clip must determine
 NEARER = 0.7  # of a brush's distance: a rival is nearer below it
-FEWEST, SHORTEST = 5, 0.8  # animals; s
+FEWEST = 5  # animals
 GROWS = 1.5  # the largest exponent by which the spread of a clip is assumed to grow on
 STILL, ONWARDS = "nobody moves", "all animals keep their velocity"
 RANDOM = "random numbers"

@@ -210,8 +210,9 @@ def test_two_processes_try_what_one_does(clip):
         assert one.map(attempt, tasks) == two.map(attempt, tasks)
 
 
-def test_evolution_lets_nobody_wander_by_more_than_the_fits_leave_over():
-    code = Code(np.full(12, 0.5), {"wander": 0.0}, True, most_wander=0.6)
-    _, most = code.read(np.ones_like(code.numbers))
-    _, least = code.read(np.zeros_like(code.numbers))
-    assert most["wander"] == pytest.approx(0.6) and least["wander"] == 0.0
+def test_evolution_begins_with_changes_that_leave_turns_as_they_are():
+    code, stiffness = Code(np.full(12, 0.5), {"wander": 0.3}, True), np.diag([0.0, 1e6, *[0.0] * 10])
+    spread = np.sqrt(np.diag(code.shape(stiffness, 0.1))) * 0.1
+    assert spread[1] < 1e-3 and spread[[0, 2, 8]] == pytest.approx(0.1)
+    evolution = Evolution(code.numbers, 0.1, 400, (1,), code.shape(stiffness, 0.1))
+    assert evolution.ask().std(0)[:3] == pytest.approx(spread[:3], rel=0.2)
