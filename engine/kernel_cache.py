@@ -6,6 +6,7 @@ raises an error where it may write nowhere, as in containers whose package and h
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import sys
@@ -100,6 +101,27 @@ def save_one_at_a_time():
 
     save_alone.takes_turns = True  # type: ignore[attr-defined]
     IndexDataCacheFile.save = save_alone
+
+
+def compile_without_collecting():
+    """Have Python look for no garbage while a kernel is compiled: that took a seventh of the time."""
+    from numba.core import event
+
+    class Compiling(event.Listener):
+        depth, enabled = 0, True  # a kernel's callees are compiled within it
+
+        def on_start(self, _):
+            if self.depth == 0:
+                self.enabled = gc.isenabled()
+                gc.disable()
+            self.depth += 1
+
+        def on_end(self, _):
+            self.depth -= 1
+            if self.depth == 0 and self.enabled:
+                gc.enable()
+
+    event.register("numba:compile", Compiling())
 
 
 @contextmanager

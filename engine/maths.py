@@ -13,12 +13,13 @@ them to 4e-16.  The trailing underscore says: for use inside a kernel (they also
 from __future__ import annotations
 
 from flockbrush.engine.interpreted import intrinsic
-from flockbrush.engine.kernel_cache import forget_stale_kernels, save_one_at_a_time
+from flockbrush.engine.kernel_cache import compile_without_collecting, forget_stale_kernels, save_one_at_a_time
 from llvmlite import ir
 from numba import njit, types
 
 forget_stale_kernels()
 save_one_at_a_time()
+compile_without_collecting()
 
 # one line in a kernel's loop; a function for C callers would be compiled for nobody
 kernel_function = njit(cache=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)

@@ -1,7 +1,6 @@
 """What all tests share: the same random examples every time, no more of them than asked for; files stay together."""
 
 import gc
-import os
 
 import pytest
 from hypothesis import settings
@@ -56,23 +55,11 @@ def _is_smoke(item):
     return wanted is not None and item.name.startswith(wanted)
 
 
-class FromTheEnd(pytest.Dir):
-    def collect(self):
-        return reversed(list(super().collect()))
-
-
-def pytest_collect_directory(path, parent):
-    """Every second process reads the files from the last one: it then need not compile what another has stored."""
-    if int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]) % 2:
-        return FromTheEnd.from_parent(parent, path=path)
-    return None
-
-
 def pytest_collection_modifyitems(items):
     """The longest file first, and last those that another process can run while the kernels are being compiled."""
     for item in filter(_is_smoke, items):
         item.add_marker(pytest.mark.smoke)
-    items.sort(key=lambda item: (item.path.name != FIRST, _without_herds(item.path), item.path))
+    items.sort(key=lambda item: (item.path.name != FIRST, _without_herds(item.path)))
 
 
 def pytest_collection_finish():
@@ -96,5 +83,6 @@ def pytest_xdist_make_scheduler(config, log):
                 self.workqueue.move_to_end(next(reversed(self.workqueue)), last=False)
             super()._assign_work_unit(node)
 
+    gc.enable()  # this process finds no tests itself
     config.option.loadscopereorder = False  # files in the order of their tests
     return FromBothEnds(config, log)

@@ -20,29 +20,19 @@ def dask_cluster(workers=2, cwd=None, begun=None, tls=None, **variables):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"{'tcp' if tls is None else 'tls'}://127.0.0.1:{free.getsockname()[1]}"
-    keys = (
-        []
-        if tls is None
-        else [f"--tls-{name}={file}" for name, file in zip(("ca-file", "cert", "key"), tls, strict=True)]
-    )
+    names = ("ca-file", "cert", "key")
+    keys = [f"--tls-{name}={file}" for name, file in zip(names, tls or [], strict=tls is not None)]
     begun = [] if begun is None else begun
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
     def dask(*arguments):
-        begun.append(
-            subprocess.Popen(
-                [sys.executable, "-m", "dask", *arguments, *keys, "--no-dashboard"],
-                cwd=cwd,
-                env=environment(**variables),
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-        )
+        words = [sys.executable, "-m", "dask", *arguments, *keys, "--no-dashboard"]
+        begun.append(subprocess.Popen(words, cwd=cwd, env=environment(**variables), **quiet))
         return begun[-1]
 
     try:
-        dask(
-            "scheduler", "--host", "127.0.0.1", "--protocol", address.split(":")[0], "--port", address.rsplit(":", 1)[1]
-        )
+        protocol, _, port = address.split(":")
+        dask("scheduler", "--host", "127.0.0.1", "--protocol", protocol, "--port", port)
         found = [dask("worker", address, "--nthreads", "1", "--no-nanny") for _ in range(workers)]
         _wait_for(address, workers, tls)
         yield address, found
@@ -55,12 +45,8 @@ def dask_cluster(workers=2, cwd=None, begun=None, tls=None, **variables):
 def _wait_for(address, workers, tls):
     from distributed import Client, Security
 
-    files = (
-        {}
-        if tls is None
-        else dict(zip(("tls_ca_file", "tls_client_cert", "tls_client_key"), map(str, tls), strict=True))
-    )
-
+    names = ("tls_ca_file", "tls_client_cert", "tls_client_key")
+    files = dict(zip(names, map(str, tls or []), strict=tls is not None))
     end = time.monotonic() + 240
     while True:
         try:

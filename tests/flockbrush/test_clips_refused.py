@@ -43,6 +43,9 @@ def clips(tmp_path_factory):
     return folder
 
 
+LANDMARKS = ("--landmark", "0:10,10,40,40", "--landmark", "9:90,50,40,40")
+OUTSIDE = ("--landmark", "0:230,10,40,40", "--landmark", "9:5,5,40,40")
+NEAR = "no animals were detected: nothing has a colour near the given 0,0,255"
 REFUSED = [
     ("text.mp4", (), "input); it may be the wrong file, or incomplete", True),
     ("empty.mp4", (), "is empty (0 bytes)", True),
@@ -51,21 +54,11 @@ REFUSED = [
     ("plain.mp4", (), "--body-colour R,G,B", True),
     ("cut.mp4", (), "try --frames 0:8 or --frames 9:17", True),
     ("swarm.mp4", ("--body-colour", "90,120,60"), "of the picture looks like animals; give their colour", True),
-    (
-        "swarm.mp4",
-        ("--body-colour", "0,0,255"),
-        "no animals were detected: nothing has a colour near the given 0,0,255",
-        True,
-    ),
+    ("swarm.mp4", ("--body-colour", "0,0,255"), NEAR, True),
     ("swarm.mp4", ("--body-length-px", "150"), "covers the area of 0 animals of the given 150 pixels", True),
     ("swarm.mp4", ("--frames", "90:99"), "has frames 0 to 9, but none in 90:99", False),
-    (
-        "swarm.mp4",
-        ("--landmark", "0:230,10,40,40", "--landmark", "9:5,5,40,40"),
-        "inside the picture of 240 x 180",
-        False,
-    ),
-    ("plain.mp4", ("--landmark", "0:10,10,40,40", "--landmark", "9:90,50,40,40"), "has no corners to track", True),
+    ("swarm.mp4", OUTSIDE, "inside the picture of 240 x 180", False),
+    ("plain.mp4", LANDMARKS, "has no corners to track", True),
     ("folder.mp4", (), "is a folder, not a clip", False),
     ("missing.mp4", (), "there is no such file", False),
 ]

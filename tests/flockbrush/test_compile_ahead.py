@@ -1,5 +1,6 @@
 """The first run: what it will call is found without compiling, and compiled by several processes."""
 
+import gc
 import multiprocessing
 import subprocess
 import sys
@@ -8,6 +9,8 @@ import threading
 from flockbrush.engine import kernel_cache
 from flockbrush.engine.kernel_calls import KernelCall
 from flockbrush.engine.recording import state_hash
+from numba import njit, types
+from numba.core import event
 from processes import environment
 from small_sweep import sweep_file
 
@@ -228,3 +231,14 @@ def test_processes_take_turns_at_storing_kernels(tmp_path):
         assert stored.load("key") is None
     saving.join(60)
     assert stored.load("key") == "compiled"
+
+
+def test_garbage_is_left_alone_while_a_kernel_is_compiled_and_no_longer():
+    collects = []
+
+    class Asked(event.Listener):
+        on_start = on_end = lambda self, _: collects.append(gc.isenabled())
+
+    with event.install_listener("numba:compile", Asked()):
+        njit(lambda x: x + 1).compile((types.int64,))
+    assert not collects[0] and gc.isenabled()

@@ -31,6 +31,10 @@ from small_level import (
 )
 
 
+def herd_problem(**properties):
+    return problem(level(tiles(), objects("spawns", herd(**properties))))
+
+
 class TestDefaults:
     """Pitfall 2: defaults are ours; the class is `type` or `class`."""
 
@@ -68,9 +72,7 @@ class TestDefaults:
         assert "there is no class 'Obstical'; did you mean 'Obstacle'?" in problem(
             with_objects("obstacles", thing(2, "Obstical", 16, 16, 32, 32))
         )
-        assert "Spawn has no property 'cuont'; did you mean 'count'?" in problem(
-            level(tiles(), objects("spawns", herd(cuont=3)))
-        )
+        assert "Spawn has no property 'cuont'; did you mean 'count'?" in herd_problem(cuont=3)
         assert "layer 'terain': no such layer; did you mean 'terrain'?" in problem(
             level(tiles("terain"), objects("spawns", herd()))
         )
@@ -110,7 +112,7 @@ class TestNumbers:
         ],
     )
     def test_a_count_that_is_none_is_told(self, value, message):
-        assert problem(level(tiles(), objects("spawns", herd(count=value)))).endswith(message)
+        assert herd_problem(count=value).endswith(message)
 
     @pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity", "1e999", "9" * 50])
     def test_numbers_that_are_none_are_refused(self, word):
@@ -126,9 +128,7 @@ class TestNumbers:
         assert found == (None if radians is None else pytest.approx(radians))
 
     def test_a_heading_that_is_none_is_told(self):
-        assert "heading must be random, a compass point or degrees" in problem(
-            level(tiles(), objects("spawns", herd(heading="noth")))
-        )
+        assert "heading must be random, a compass point or degrees" in herd_problem(heading="noth")
 
     @pytest.mark.parametrize("key, value", [("tilewidth", 0), ("width", -1), ("height", 1.5), ("tileheight", True)])
     def test_a_map_without_size_is_refused(self, key, value):
@@ -249,7 +249,7 @@ class TestMeaning:
     def test_density_becomes_a_count(self):
         spawn = thing(1, "Spawn", 32, 32, 128, 96, brush="march", density=0.25)
         assert read(level(tiles(), objects("spawns", spawn))).spawns[0].count == 48  # 16 x 12 m
-        assert "give count or density, not both" in problem(level(tiles(), objects("spawns", herd(density=0.25))))
+        assert "give count or density, not both" in herd_problem(density=0.25)
 
     def test_a_spawn_with_a_rate_may_go_on_for_ever(self):
         spawn = read(level(tiles(), objects("spawns", herd(count=0, rate=2.0)))).spawns[0]

@@ -8,14 +8,7 @@ from edited_scene import CALM, NEW, RUN, SQUARE, do, land_of, nobody_in_walls, s
 from flockbrush.components import Destination, Position
 from flockbrush.engine.commands import CommandError, to_json
 from flockbrush.levels.schema import Zone
-from flockbrush.systems.commands import (
-    AddAnimals,
-    AddObstacle,
-    MoveGoal,
-    RemoveAnimals,
-    SendTo,
-    SwitchBrush,
-)
+from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, RemoveAnimals, SendTo, SwitchBrush
 from flockbrush.systems.edits import (
     DrawGuide,
     MarkSpawn,
