@@ -36,7 +36,7 @@ def shipped_paths():
 WAYS = ("path", "straight line")
 
 
-def judged(start, end, path, trial, swept_herds, ways=WAYS):
+def judged(start, end, path, trial, swept_herds, ways=WAYS, first=FIRST):
     """What herds do at the steps of paint on a path, if there is one, and on the straight line: `Measured`, and words.
 
     The words say whether the way is even or bistable.
@@ -50,9 +50,9 @@ def judged(start, end, path, trial, swept_herds, ways=WAYS):
         def at(share, w=way):
             return mixed(start, end, share, w)
 
-        seen, words = measured(at, shares, trial, FIRST), "even"
+        seen, words = measured(at, shares, trial, first), "even"
         if faults(seen):
-            swept = sweep(at, shares, replace(trial, seeds=swept_herds), FIRST)
+            swept = sweep(at, shares, replace(trial, seeds=swept_herds), first)
             words = verdict(swept) if swept.hysteresis else "uneven"
         found[name] = seen, words
     return found
@@ -73,6 +73,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="*", metavar="A--B", help="default: all shipped paths")
     parser.add_argument("--seeds", type=int, default=64)
+    parser.add_argument("--first", type=int, default=FIRST, help="first seed")
     parser.add_argument("--animals", type=int, nargs="+", default=[100, 400])
     parser.add_argument("--swept", type=int, default=16, help="herds that are swept along a way that is not even")
     parser.add_argument("--seconds", type=float, default=20.0, help="of pairs without a path")
@@ -85,14 +86,14 @@ def main():
         pairs = {name: brushes_of(name) for name in told.paths or paths}
     except ValueError as error:
         parser.error(str(error))
-    print(f"{told.seeds} seeds from {FIRST} on, {told.swept} herds swept where a way is not even")
+    print(f"{told.seeds} seeds from {told.first} on, {told.swept} herds swept where a way is not even")
     print(f"{'pair':<22} animals  begin    s    way            largest step  largest deviation  goes back  verdict")
     for name, (start, end) in pairs.items():
         path = paths.get(name)
         begin, seconds = (path.begin, path.seconds) if path else (told.begin, told.seconds)
         for animals in told.animals:
             trial = Trial(animals, told.seeds, seconds=seconds, begin=begin)
-            for way, (seen, words) in judged(start, end, path, trial, told.swept, told.way).items():
+            for way, (seen, words) in judged(start, end, path, trial, told.swept, told.way, told.first).items():
                 back = goes_back(seen)[0].max()
                 step = np.abs(np.diff(seen.mean, axis=0)).max()
                 print(
