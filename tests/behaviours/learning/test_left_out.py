@@ -33,7 +33,10 @@ def seen(request, clip):
 @pytest.mark.parametrize("part", ["density", "variance"])
 def test_a_part_that_is_left_out_is_not_compared(seen, part):
     whole, without = seen[1](), seen[1](part)
-    gone = {name.removeprefix("lasting ").removeprefix(trials.OFF) for name in set(whole["figures"]) - set(without["figures"])}
+    gone = {
+        name.removeprefix("lasting ").removeprefix(trials.OFF)
+        for name in set(whole["figures"]) - set(without["figures"])
+    }
     assert gone and gone <= set({"density": trials.WHERE_DENSITY_COUNTS, "variance": trials.WHERE_ORDER_COUNTS}[part])
     assert without["score"] != whole["score"]
 
