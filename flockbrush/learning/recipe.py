@@ -87,9 +87,6 @@ KEEPING = 0.2  # of the choice
 AGREEING = 3  # starts, where no turns say how sure a number is
 
 
-# the recipe -------------------------------------------------------------------------------------------
-
-
 def learn(
     evidences: Evidence | Sequence[Evidence], settings: SearchSettings = SearchSettings(), *, jobs: int | Helpers = 1,  # noqa: B008  frozen
     cluster: Cluster | None = None, say: Callable[[int, int, float, str], None] | None = None,
@@ -256,12 +253,8 @@ class _Search:
             self._add_found(dataclasses.replace(a, name=f"{a.name}, at most {limit:.3g} rad/s"), fit)
             for (a, limit), fit in pairs
         ]
-        self._wander(workers, [*self._likely(fitted), *made])
-
-    def _likely(self, fitted):
-        """Fits that say the turns nearly as well as the best."""
-        least = min(self.attempts[k].loss[-1] for k in fitted)
-        return [k for k in fitted if self.attempts[k].loss[-1] < least + CLEARLY]
+        best_loss = min(self.attempts[k].loss[-1] for k in fitted)
+        self._wander(workers, [*(k for k in fitted if self.attempts[k].loss[-1] < best_loss + CLEARLY), *made])
 
     def _wander(self, workers, which):
         """These, wandering so much that herds scatter as the animals of the clip do."""

@@ -102,8 +102,10 @@ def _answer_of_run(run, clip, brush):
     return _answer(seen, brush, turns_seen(clip, seen, brush))
 
 
-def turns_seen(clip: Evidence, seen: Sightings, brush) -> Turns | None:
+def turns_seen(clip: Evidence, seen: Sightings | None, brush) -> Turns | None:
     """The turns in sightings, of the clip or of a run, at those moments that are looked at."""
+    if seen is None:
+        return None
     ahead = max(1, round(SPAN * clip.fps))
     frames = range(0, len(clip.fields) - ahead, max(1, len(clip.fields) // LOOKS))
     same = replace(clip, sightings=_stepped(seen, clip.fps, ahead))
