@@ -17,7 +17,7 @@ from flockbrush.systems.palette import Palette
 from small_herd import box, level, obstacle, spawn
 
 from benchmarks.pairs import Pair, all_pairs, draw_level, run_alone, things
-from benchmarks.pairs_watch import Watch
+from benchmarks.pairs_watch import InvariantWatch
 from flockbrush.runs.run import start
 
 SEED, SAMPLE = 14, 4  # pairs
@@ -30,7 +30,7 @@ def watched():
     simulation = build(level(spawns=things, obstacles=[obstacle(box(30, 5, 34, 9))]), 1)
     simulation.run(2)
     faults = []
-    watch = Watch(simulation, lambda told, times=0.0: faults.append(told))
+    watch = InvariantWatch(simulation, lambda told, times=0.0: faults.append(told))
     watch.look()
     assert faults == []
     return simulation, watch, faults
@@ -40,7 +40,7 @@ def test_the_judge_of_pairs_sees_who_walks_onto_ground_that_is_too_steep():
     bank = Raster(1.0, np.where(np.arange(40) < 20, 0.0, 9.0)[None, :].repeat(40, 0))
     simulation = build(level(spawns=[spawn(box(5, 5, 15, 15), "march", 3, species="sheep")], height_map=bank), 1)
     faults = []
-    watch = Watch(simulation, lambda told, times=0.0: faults.append(told))
+    watch = InvariantWatch(simulation, lambda told, times=0.0: faults.append(told))
     watch.look()
     put_into(simulation, Position.xyz, 0, (20.0, 10.0, 4.5))
     watch.look()

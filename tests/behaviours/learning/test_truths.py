@@ -25,7 +25,7 @@ def test_the_truths_own_numbers_stay_near_the_truth(swarm):
 
 
 def test_a_swarm_is_learned_back_from_blobs(swarm):
-    found = learn(swarm.blobs, SearchSettings(seed=1, starts=2, budget_s=0.3, brushes=False))
+    found = learn(swarm.blobs, SearchSettings(seed=1, starts=4, budget_s=0.6, brushes=False))
     went = study.fresh(swarm, swarm.blobs, found.params, found.speed, found.body, found.vision, 200)
     judged = study.judged(went, swarm.future)
     assert judged["kept"], judged
