@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 from scipy.spatial import cKDTree
 
 from flockbrush.film.missing_animals import trust
@@ -238,11 +239,21 @@ def _correlation(look, known, rings):
     xy, velocity = look.xy[known], look.velocity[known]
     if len(xy) < 3:
         return np.full(2 * (len(rings) - 1), np.nan)
-    own = velocity - velocity.mean(0)
-    i, j = np.triu_indices(len(xy), 1)
-    far = np.hypot(*(xy[i] - xy[j]).T)
-    sums = np.histogram(far, rings, weights=(own[i] * own[j]).sum(1))[0]
-    return np.concatenate([sums, np.histogram(far, rings)[0]])
+    return _products_by_distance(xy, velocity - velocity.mean(0), np.asarray(rings, float))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _products_by_distance(xy, velocity, rings):
+    """The correlation function of [2]_, not divided: sums over pairs, and pairs, in rings of equal width from 0 on."""
+    n, count = len(xy), len(rings) - 1
+    found, per_length = np.zeros(2 * count), count / rings[-1]
+    for i in range(n):
+        for j in range(i + 1, n):
+            k = int(np.hypot(xy[i, 0] - xy[j, 0], xy[i, 1] - xy[j, 1]) * per_length)
+            if k < count:
+                found[k] += velocity[i, 0] * velocity[j, 0] + velocity[i, 1] * velocity[j, 1]
+                found[count + k] += 1
+    return found
 
 
 def value_of(name, mean, yard) -> np.ndarray:

@@ -57,14 +57,12 @@ def is_inside(evidence, frames, reach):
         For all sightings of these frames, one after the other.
     """
     seen, fields, cut = evidence.sightings, evidence.fields, Gates.of(evidence.fields) is not None
-    out = []
+    out, ways = [], np.arange(8) * np.pi / 4
+    around = reach * np.stack([np.cos(ways), np.sin(ways)], 1)
     for t in frames:
-        xy = seen.xy[seen.of(t)]
-        whole = np.ones(len(xy), bool)
-        for way in np.arange(8) * np.pi / 4:
-            row, column, inside = fields.cells_of(xy + reach * np.array([np.cos(way), np.sin(way)]))
-            whole &= np.where(inside, fields.seen[t, row, column], not cut)
-        out.append(whole)
+        row, column, inside = fields.cells_of((seen.xy[seen.of(t), None] + around).reshape(-1, 2))
+        whole = np.where(inside, fields.seen[t, row, column], not cut)
+        out.append(whole.reshape(-1, len(around)).all(1))
     return np.concatenate(out) if out else np.zeros(0, bool)
 
 
