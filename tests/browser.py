@@ -32,7 +32,7 @@ class Browser:
         Errors and warnings of the console, and exceptions.
     """
 
-    def __init__(self, size=(1280, 720)):
+    def __init__(self, size=(640, 360)):
         self.size, self.complaints, self._numbers, self._buffer = size, [], itertools.count(1), b""
         self._home = tempfile.TemporaryDirectory(prefix="browser-", ignore_cleanup_errors=True)
         theirs_in, self._out = os.pipe()

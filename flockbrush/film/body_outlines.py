@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from flockbrush.film.body_shapes import Outlines, capsule, moments_of, of_moments
 from flockbrush.film.touching_bodies import LEAST, parted_bodies
@@ -56,10 +57,9 @@ def size_of_bodies(masks) -> BodySize | None:
     BodySize or None
         None if too few animals are isolated.
     """
-    blobs = [row for mask in masks for row in _blobs(mask)]
-    if len(blobs) < ENOUGH:
+    area, long, wide, solid, inside = _blobs(masks)
+    if len(area) < ENOUGH:
         return None
-    area, long, wide, solid, inside = np.array(blobs).T
     for least in SOLID:
         chosen = (solid >= least) & (inside > 0) & (area >= LEAST_AREA)
         size = _of_those(area, long, wide, chosen)
@@ -70,8 +70,7 @@ def size_of_bodies(masks) -> BodySize | None:
 
 def areas_alone(masks) -> np.ndarray:
     """(k,) pixels of the blobs of some masks that fill their convex hull and are not cut by the border."""
-    blobs = np.array([row for mask in masks for row in _blobs(mask)]).reshape(-1, 5)
-    area, _, _, solid, inside = blobs.T
+    area, _, _, solid, inside = _blobs(masks)
     return area[(solid >= SOLID[0]) & (inside > 0) & (area >= LEAST_AREA)]
 
 
@@ -94,40 +93,37 @@ def _usual(shape, area):
     Fragments are many; they have little weight.
     """
     some = np.random.default_rng(0).permutation(len(shape))[:1500]
-    off = (shape[some, None] - shape[some]) / (0.4 * np.array(LIKE))
-    near = np.exp(-0.5 * (off**2).sum(-1))
+    off = shape[some] / (0.4 * np.array(LIKE))
+    near = np.exp(-0.5 * cdist(off, off, "sqeuclidean"))
     return shape[some][np.argmax(near @ np.sqrt(area[some]))]
 
 
-def _blobs(mask):
-    """[(area, length, width, solidity, whole)] of the blobs of a mask; a blob cut by the border is not whole."""
-    mask = _binary(mask)
+def _blobs(masks):
+    """(5, k) area, length, width, solidity, wholeness of the blobs of masks; a blob cut by the border is not whole."""
+    rows = [row for mask in masks for row in _moments(_binary(mask))]
+    area, xx, yy, xy, solid, whole = np.array(rows, float).reshape(-1, 6).T
+    xx, yy, xy = xx / area + 1 / 12, yy / area + 1 / 12, xy / area
+    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    return area, *capsule(area, mean + half, mean - half), solid, whole
+
+
+def _moments(mask):
+    """(area, its three second moments, solidity, wholeness) of each blob of four pixels or more."""
     h, w = mask.shape
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    rows = []
     for outline in outlines:
         x, y, wide, tall = cv2.boundingRect(outline)
+        if wide * tall < 4:
+            continue
         own = cv2.drawContours(np.zeros((tall, wide), np.uint8), [outline - (x, y)], -1, 1, cv2.FILLED)
-        moments = cv2.moments(own & mask[y : y + tall, x : x + wide], binaryImage=True)
-        area = moments["m00"]
-        if area < 4:
+        m = cv2.moments(own & mask[y : y + tall, x : x + wide], binaryImage=True)
+        if m["m00"] < 4:
             continue
         # the hull runs through the middles of the outermost pixels: half a pixel is missing all around
         hull = cv2.convexHull(outline)
         around = cv2.contourArea(hull) + 0.5 * cv2.arcLength(hull, True) + 1
-        _, _, long, across = _shape(moments)
         whole = x > 0 and y > 0 and x + wide < w and y + tall < h
-        rows.append((area, long, across, area / around, whole))
-    return rows
-
-
-def _shape(m):
-    """(x, y, length, width) of a capsule with these moments; the angle is not determined."""
-    area = m["m00"]
-    xx, yy, xy = m["mu20"] / area + 1 / 12, m["mu02"] / area + 1 / 12, m["mu11"] / area
-    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
-    length, width = capsule(area, mean + half, mean - half)
-    return m["m10"] / area + 0.5, m["m01"] / area + 0.5, length, width
+        yield m["m00"], m["mu20"], m["mu02"], m["mu11"], m["m00"] / around, whole
 
 
 # bodies -------------------------------------------------------------------------------------------------------------

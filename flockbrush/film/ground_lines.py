@@ -39,7 +39,8 @@ def lines_and_faces(masks, pictures, size):
     # the distance to the nearest pixel outside is 1 on the rim: a line two pixels wide has 1 everywhere
     depth = cv2.distanceTransform(cv2.copyMakeBorder(stays, 1, 1, 1, 1, cv2.BORDER_CONSTANT), cv2.DIST_L2, 5)
     thickest = np.zeros(count)
-    np.maximum.at(thickest, labels, depth[1:-1, 1:-1])
+    inside = labels > 0
+    np.maximum.at(thickest, labels[inside], depth[1:-1, 1:-1][inside])
     ground = 2.0 * thickest - 0.5 < THICK * size.width
     for k in np.flatnonzero(~ground & (stats[:, cv2.CC_STAT_AREA] > FACE * size.area)):
         ground[k] = k > 0 and _is_plain(pictures[0], labels, stats[k], k, size)

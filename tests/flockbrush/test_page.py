@@ -141,7 +141,7 @@ class TestInABrowser:
         asked(shown, "p.view('orbit')")
         for button in ("left", "middle"):  # the middle one as in the playground
             before = asked(shown, "[p.camera.position.toArray(), p.orbit.target.toArray()]")
-            shown.drag((500, 300), (700, 320), button)
+            shown.drag((250, 150), (350, 160), button)
             drawn(shown)
             after = asked(shown, "[p.camera.position.toArray(), p.orbit.target.toArray()]")
             away = [np.linalg.norm(np.subtract(*pair)) for pair in (before, after)]
