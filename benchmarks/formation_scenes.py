@@ -1,10 +1,11 @@
 """Test whether formations pass an obstacle or a predator and form again.
 
-    python benchmarks/formation_scenes.py [--brush geese skein] [--scene pillars ridge falcon] [--seeds 9001:9020]
+    python benchmarks/formation_scenes.py [--brush geese skein] [--scene pillars ridge falcon guide] [--seeds 9001:9020]
 
 Geese in line formation (`geese`) and geese with V rules (`skein`) start at random positions and form up.  Then they
 meet a field of pillars, a ridge that is higher than they fly, or a falcon that stoops through them.  Each seed has its
-own pillars, ridge or falcon.
+own pillars, ridge or falcon.  They are bound east; in the scene `guide`, which has a falcon, they follow a painted
+guide that bends twice instead.
 
 A seed passes if the flock was in formation before; no part of a bird was ever inside a solid or below the ground; no
 bird ever flew, climbed or turned faster than its species can; and within 60 s all birds are one formation again for at
@@ -31,6 +32,7 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import Body, FormationPlace, Heading, Position, Species, Velocity
 from flockbrush.engine.raster import Raster
+from flockbrush.levels.schema import Guide
 from flockbrush.systems.commands import Migrate
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.palette import Palette
@@ -45,7 +47,8 @@ LOOK, STAYS = 0.25, 2.0  # s between checks of the shape, and for which it must 
 NEAR, STOOP = 25.0, 36.0  # m from a goose at which the falcon stops aiming and flies straight on; m/s
 LIMIT = 200.0  # s, the longest passage
 MIDDLE = 600.0  # m north, of a map that is twice as wide
-SCENES = ("pillars", "ridge", "falcon")
+SCENES = ("pillars", "ridge", "falcon", "guide")
+FALCON = ("falcon", "guide")  # scenes with one
 
 
 class Outcome(NamedTuple):
@@ -69,6 +72,10 @@ def flock_before(scene, kind, seed, birds=BIRDS, forms=FORMS):
     asset, falcon = shipped().get(kind), brush("stoop", "raptor", STOOP / 0.45, min_speed=10.0, max_speed=90.0)
     way = asset.speed.mean * 0.8 * forms + 100.0  # m, to the obstacle
     things = {"obstacles": pillars(rng, way)} if scene == "pillars" else {}
+    if scene == "guide":
+        east, north = (-way, 150.0, 400.0, 900.0, 4000.0 - way), (0.0, 0.0, 400.0, -300.0, -300.0)
+        bends = np.column_stack([way + np.array(east), MIDDLE + np.array(north)])
+        things["guides"] = [Guide(1, "way", bends, 1.0, 30.0, 60.0, "", False)]
     if scene == "ridge":
         things["height_map"] = Raster(10.0, ridge(rng, way))
     simulation = meadow(asset, falcon, width=4000, height=2 * MIDDLE, cell=10.0, seed=seed, **things)
@@ -78,7 +85,8 @@ def flock_before(scene, kind, seed, birds=BIRDS, forms=FORMS):
         while np.hypot(*(xyz[:i, :2] - xyz[i, :2]).T).min() < 1.8:
             xyz[i, :2] = rng.uniform(-0.5, 0.5, 2) * side + (60.0, MIDDLE)
     put_aloft(simulation, xyz, (1.0, 0.0, 0.0), brush=kind, species="goose", length=0.8)
-    simulation.submit(Migrate(1.0, 0.0, 0.0, kind="direction"))
+    if scene != "guide":
+        simulation.submit(Migrate(1.0, 0.0, 0.0, kind="direction"))
     return simulation, way
 
 
@@ -164,7 +172,7 @@ def passage(scene, kind, seed, birds=BIRDS, forms=FORMS):
     room, apart, last, since, faults = np.inf, 0.0, None, None, set()
     before = simulation.agents[Heading.forward].copy()
     while simulation.clock.now < LIMIT:
-        if scene == "falcon" and simulation.clock.now == forms:
+        if scene in FALCON and simulation.clock.now == forms:
             send_the_falcon(simulation, np.random.default_rng(seed))
         simulation.tick()
         now, mine = simulation.clock.now, geese_of(simulation)
@@ -219,7 +227,7 @@ def falcon_to(simulation, mine):
 
 def over(scene, simulation, mine, way, nearest):
     """Return whether all have passed the pillars or the ridge, or the falcon came near and is 80 m away again."""
-    if scene == "falcon":
+    if scene in FALCON:
         return nearest <= NEAR and falcon_to(simulation, mine) > 80.0
     beyond = way + (130.0 if scene == "pillars" else 480.0)
     return bool((simulation.agents[Position.xyz][mine, 0] > beyond).all())

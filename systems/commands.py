@@ -5,14 +5,17 @@ from __future__ import annotations
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.columns import Component
 from flockbrush.engine.commands import Commands, command
+from flockbrush.engine.noise import Noise
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.animal_commands import AddAnimals, Migrate, RemoveAnimals, SendTo, SwitchBrush
 from flockbrush.systems.edits import MoveGoal
+from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.obstacle_commands import AddObstacle, MoveObstacle, RemoveObstacle, StandObstacle, advance
 from flockbrush.systems.paint_commands import PaintBrush, PaintCap, PaintCells
 from flockbrush.systems.palette import Palette
+from flockbrush.systems.programs import Programs
 from flockbrush.systems.undo import TouchedBrushes
 
 __all__ = [
@@ -24,7 +27,8 @@ __all__ = [
 class ApplyCommands(System):
     """Apply what is due."""
 
-    stage, reads, writes = Stage.COMMANDS, (Clock,), (Commands, Landscape, Palette, Component)
+    stage, reads = Stage.COMMANDS, (Clock, Noise)
+    writes = (Commands, Landscape, Palette, Programs, SpeciesList, Component)
 
     def process(self, world):
         world.resource(Commands).apply(world)

@@ -8,16 +8,19 @@ import numpy as np
 from flockbrush.components import (
     Body,
     BrushBinding,
+    Destination,
     Ground,
     Heading,
     Leading,
     Memory,
+    Migration,
     Position,
     ReferenceBird,
     Role,
     Species,
     Speed,
     Velocity,
+    Vision,
 )
 from flockbrush.components.formation import FormationPlace, Lost
 from flockbrush.engine.clock import Clock
@@ -43,7 +46,7 @@ class Roles(System):
     stage = Stage.DECIDE
     reads = (
         Position, Velocity, Heading, Body, Species, Speed, BrushBinding, Sight, Palette, Landscape, Clock, Noise,
-        Ground, Leading, SightInSpace,
+        Ground, Leading, SightInSpace, Destination, Migration, Vision,
     )  # fmt: skip
     writes = (Role, Memory, ReferenceBird, FormationPlace, Lost)
 

@@ -80,7 +80,7 @@ class SeeAhead(System):
 class ShiftMigration(System):
     """The migratory register moves evenly to where the script wants it."""
 
-    stage, reads, writes = Stage.DECIDE, (Clock,), (Migration,)
+    stage, reads, writes = Stage.SENSE, (Clock,), (Migration,)
 
     def process(self, world):
         left = world.agents[Migration.left]

@@ -9,14 +9,17 @@ import numpy as np
 from flockbrush.components import Body, Destination, Position, Species
 from flockbrush.components.level_things import Spawn
 from flockbrush.engine.clock import Clock
+from flockbrush.engine.columns import Component
+from flockbrush.engine.noise import Noise
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.families import make_families
 from flockbrush.systems.fauna import HUNT, SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.named_regions import in_goal
 from flockbrush.systems.noticing import Noticed
+from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import NoRoom, give_birth
-from flockbrush.systems.programs import born_into
+from flockbrush.systems.programs import Programs, born_into
 from flockbrush.systems.spawning import inside_polygon
 
 
@@ -95,7 +98,16 @@ class Live(System):
     """What happens at goals, exits, the edge of the map and spawns."""
 
     stage = Stage.LIVE
-    reads = (Position, Body, Species, Noticed, SpeciesList, Landscape, Clock)
+    reads = (
+        Component,
+        Noticed,
+        SpeciesList,
+        Landscape,
+        Palette,
+        Programs,
+        Clock,
+        Noise,
+    )  # all that a birth needs
     writes = (Destination, Nursery)
 
     def process(self, world):

@@ -10,6 +10,7 @@ import numpy as np
 from flockbrush.behaviours.program import EVERY, Program, load_program
 from flockbrush.behaviours.trigger import Happening
 from flockbrush.components import (
+    Alarm,
     Body,
     BrushBinding,
     Destination,
@@ -171,9 +172,9 @@ class RunPrograms(System):
     place.  The end of a state's own time comes after all triggers.
     """
 
-    stage = Stage.DECIDE
+    stage = Stage.STEER
     reads = (
-        Position, Velocity, Heading, Body, Species, Vision, Ground, Destination, BrushBinding, Near, Sight,
+        Position, Velocity, Heading, Body, Species, Vision, Ground, Destination, BrushBinding, Alarm, Near, Sight,
         SightInSpace, Landscape, Palette, SpeciesList, Clock, Noise,
     )  # fmt: skip
     writes = (ProgramState, Programs)

@@ -11,6 +11,7 @@ from flockbrush.components import (
     Body,
     BrushBinding,
     Destination,
+    Family,
     FormationPlace,
     Ground,
     Heading,
@@ -21,6 +22,7 @@ from flockbrush.components import (
     Species,
     Speed,
     Thrust,
+    Transit,
     Urge,
     Velocity,
     Wish,
@@ -53,7 +55,7 @@ class AskModels(System):
     stage = Stage.STEER
     reads = (
         Position, Velocity, Heading, Body, Species, Role, BrushBinding, Speed, Ground, Memory, Airborne, Migration,
-        Destination, FormationPlace, Near, Sight, SightInSpace, ObstaclesInSight, Ahead,
+        Destination, FormationPlace, Family, Transit, Near, Sight, SightInSpace, ObstaclesInSight, Ahead,
         Landscape, Palette, Clock, Noise, Noticed, SpeciesList, Alarm,
     )  # fmt: skip
     writes = (Wish, Thrust, Urge)

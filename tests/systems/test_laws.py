@@ -5,8 +5,10 @@ import functools
 import numpy as np
 import pytest
 from flockbrush.engine import parallel
+from flockbrush.engine.columns import Table
 from flockbrush.engine.parallel import set_threads
 from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.engine.world import World
 from flockbrush.levels.schema import Exit, Goal, PaintBounds, Zone
 from flockbrush.systems.commands import AddAnimals, AddObstacle, Migrate, PaintBrush, SwitchBrush
 from small_herd import boids, box, brush, meadow, obstacle, put, put_aloft, spawn
@@ -130,6 +132,24 @@ def test_a_world_goes_on_from_a_snapshot_and_every_system_writes_only_what_it_sa
     assert state_hash(fresh.world) == last
     for _ in range(5):
         assert simulation.schedule.undeclared_writes(simulation.world) == []
+        simulation.clock.tick += 1
+
+
+def test_every_system_asks_the_world_only_for_what_it_declares(scene, monkeypatch):
+    """Else a schedule that refuses ambiguity would overlook one."""
+    simulation, asked = scene[0](), set()
+    for kind, name in ((Table, "__getitem__"), (World, "resource")):
+        plain = getattr(kind, name)
+        monkeypatch.setattr(kind, name, lambda self, what, plain=plain: (asked.add(what), plain(self, what))[1])
+    of = {field: kind for kind in simulation.agents.kinds for field in kind.fields.values()}
+    for _ in range(scene[1]):
+        for system in simulation.schedule.systems:
+            asked.clear()
+            system.process(simulation.world)
+            declared = (*system.reads, *system.writes)
+            strange = [kind for kind in (of.get(what, what) for what in asked) if not issubclass(kind, declared)]
+            assert strange == [], type(system).__name__
+        simulation.world.flush()
         simulation.clock.tick += 1
 
 
