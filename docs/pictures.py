@@ -20,7 +20,7 @@ STILLS = {  # level: simulated seconds, view
     "river": (20, "plan"),
     "predators-valley": (20, "plan"),
     "savanna": (45, "plan"),
-    "merino": (40, "plan"),
+    "merino": (66, "plan"),
     "ridge": (40, "plan"),
     "city": (16, "plan"),
     "crowded": (2, "plan"),

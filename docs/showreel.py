@@ -12,7 +12,7 @@ SIZE, FPS = (1280, 720), 32
 SCENES = {  # level: simulated seconds before the scene, then azimuth and elevation in degrees, or "plan"
     "meadow": (6, "plan"),
     "gorge": (16, "plan"),
-    "merino": (20, 90, 18),
+    "merino": (63, 90, 18),
     "predators-valley": (12, 90, 18),
     "anthill": (12, "plan"),
     "river": (20, 60, 32),

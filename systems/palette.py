@@ -126,8 +126,8 @@ class Palette:
 
     @property
     def path_files(self):
-        """Names of the files of measured paths that `mix` was given."""
-        return list(self._brought[1])
+        """{file: text} of the measured paths that `mix` was given."""
+        return dict(self._brought[1])
 
     def forget(self, name):
         """Drop the newest brush again; whoever has it would be lost, so nobody may."""

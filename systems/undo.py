@@ -132,10 +132,12 @@ class TouchedBrushes(NamedTuple):
         palette, (own, mixed, files) = world.resource(Palette), taken
         known, now = {brush.name: brush for brush in own}, {brush.name: brush for brush in palette.own}
         new_files = [file for file in palette.path_files if file not in files]
+        old_files = {file: text for file, text in files.items() if file not in palette.path_files}
         return [
             *(UnmixBrush(name, new_files) for name in palette.mixed if name not in mixed),
             *(ForgetBrush(name) for name in reversed(now) if name not in known),
             *(UseBrush(name, brush.source.decode()) for name, brush in known.items() if now.get(name) is not brush),
+            *(MixBrush(name, old_files) for name in mixed if name not in palette.mixed),
         ]
 
 
@@ -397,6 +399,9 @@ class UnmixBrush:
 
     name: str
     paths: list  # names of the files
+
+    def touches(self, world):
+        return [TouchedBrushes()]
 
     def apply(self, world):
         palette = world.resource(Palette)

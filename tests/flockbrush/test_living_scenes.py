@@ -15,6 +15,7 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.leaders import Steer
 from flockbrush.systems.population import SpeciesList
 
+from benchmarks.merino import hull_area
 from flockbrush.runs.run import start
 
 RATE = 32  # ticks a second
@@ -101,17 +102,16 @@ def test_lake_skeins_meet_land_rest_and_leave_and_a_falcon_scatters_starlings():
 
 
 def test_merino_sheep_spread_slowly_and_pack_suddenly():
-    scene = start("merino")
-    before, packed = spread(places(scene, "sheep")), None
-    widest = before
-    for _ in range(40):
+    scene, hulls, spreads, runners = start("merino"), [], [], []
+    while scene.clock.now < 120 and not (any(runners) and runners[-1] == 0):
+        sheep = places(scene, "sheep")
+        hulls, spreads = [*hulls, hull_area(sheep[:, :2])], [*spreads, spread(sheep)]
         run(scene, 3 * RATE)
-        now = spread(places(scene, "sheep"))
-        widest = max(widest, now)
-        if now < 0.85 * widest:
-            packed = scene.clock.now
-            break
-    assert widest > 1.01 * before and packed is not None
+        runners.append(scene.states()["merino"]["run"])
+    first = np.flatnonzero(runners)[0]
+    assert first > 8 and hulls[first] > 1.05 * hulls[0]
+    assert spread(places(scene, "sheep")) < 0.85 * max(spreads)
+    assert hull_area(places(scene, "sheep")[:, :2]) < 0.7 * max(hulls)
     assert sum(row.get("run", 0) for row in scene.transitions()["merino"].values()) > 60
 
 

@@ -14,8 +14,8 @@ from flockbrush.runs.run import shipped_levels
 READ = ("anthill", "city", "gorge", "meadow", "sheep-pasture")
 TWO_WAYS = ("anthill",)  # some swarm, some mill
 TOO_SMALL = ("crowded", "predators-valley", "skein")
-RESTING = ("geese", "savanna")  # in so short a film
-HARDLY = ("elephants", "merino")  # most rest, and some walk a little
+RESTING = ("geese", "merino", "savanna")  # in so short a film
+HARDLY = ("elephants",)  # most rest, and some walk a little
 STAYING = ("lake",)  # outlines of the ground are taken for animals
 MIXED = ("pillars", "ridge", "river")  # several species, or bodies that touch are taken for these
 

@@ -155,9 +155,9 @@ def test_a_zone_of_a_running_world_mixes_once_it_has_the_brushes_between():
     before, count = state_hash(simulation.world), len(palette)
     back = queue.perform(simulation.world, [MixBrush("run", {}), zone(0.5)])
     assert len(palette) == count + STEPS - 1  # walk to run; flock is of another model
-    queue.perform(simulation.world, back)
+    again = queue.perform(simulation.world, back)
     assert len(palette) == count and state_hash(simulation.world) == before
-    queue.perform(simulation.world, [MixBrush("run", {}), zone(0.5)])
+    queue.perform(simulation.world, again)
     simulation.tick()
     assert set(names_of(simulation)) == {step_name("walk", "run", STEPS // 2)}
     back = queue.perform(simulation.world, [zone(0.25)])
@@ -173,9 +173,9 @@ def test_a_zone_of_a_running_world_mixes_once_it_has_the_brushes_between():
 def test_a_live_mix_goes_on_from_its_state_by_its_measured_path():
     path = BrushPath(start="walk", end="run", along=(0, 0.1, 1))
     one, two = herd(many=30), herd(many=30)
-    one.world.resource(Commands).perform(
-        one.world, [MixBrush("run", {"walk--run.path.toml": path_to_toml(path)}), zone(0.5, edge=8.0)]
-    )
+    steps = [MixBrush("run", {"walk--run.path.toml": path_to_toml(path)}), zone(0.5, edge=8.0)]
+    for _ in range(3):  # done, undone and done again
+        steps = one.world.resource(Commands).perform(one.world, steps)
     one.run(8)
     palette, saved = two.world.resource(Palette), snapshot(one.world)
     restore(two.world, saved)
