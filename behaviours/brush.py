@@ -16,7 +16,6 @@ Parameters are written flat, under the names the model gives them::
 from __future__ import annotations
 
 import functools
-import hashlib
 import os
 import re
 import unicodedata
@@ -27,13 +26,13 @@ from typing import Annotated, Any
 from flockbrush.behaviours.brush_tables import Provenance, SpeedSpec, VisionSpec
 from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.behaviours.file_library import NAME, FileLibrary, check_schema, name_in, read_source
-from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
+from flockbrush.behaviours.spec import FileSpec, Line, Text, spec_field
 from flockbrush.behaviours.species import BodySpec, SpeciesLibrary, shipped_species
 from flockbrush.behaviours.tomlfile import Key, TomlFile
 from flockbrush.behaviours.validation import shown, validated
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
-from pydantic import BaseModel, Field, PrivateAttr, SerializeAsAny, model_validator
+from pydantic import BaseModel, Field, SerializeAsAny, model_validator
 
 SCHEMA = "flockbrush.brush/1"
 SUFFIX = ".brush.toml"
@@ -50,7 +49,7 @@ class _NoParams(BaseModel):
     """Stands for parameters that could not be read while the rest of the file is checked."""
 
 
-class Brush(Spec):
+class Brush(FileSpec):
     """A model of behaviour with its parameters, ready to paint with.
 
     Two brushes are equal when they say the same, however their files are laid out.
@@ -87,7 +86,6 @@ class Brush(Spec):
         {}, "drives that act on top of the model, in order of priority"
     )
     provenance: Provenance = spec_field(..., "where the numbers come from")
-    _source: bytes | None = PrivateAttr(None)
 
     @model_validator(mode="before")
     @classmethod
@@ -122,15 +120,8 @@ class Brush(Spec):
         """The parameters of the model by name."""
         return self.params.model_dump()
 
-    @property
-    def source(self) -> bytes:
-        """The file it was read from, or the file it would be saved as: what a recording embeds."""
-        return self._source if self._source is not None else brush_to_toml(self).encode()
-
-    @property
-    def sha256(self) -> str:
-        """SHA-256 of `source`, in hex: what ``sha256sum`` says of the file."""
-        return hashlib.sha256(self.source).hexdigest()
+    def _as_file(self) -> str:
+        return brush_to_toml(self)
 
     def with_parameters(self, **changes) -> Brush:
         """The same brush with some parameters changed.
@@ -151,12 +142,6 @@ class Brush(Spec):
             problems = [Problem(self.name, None, ".".join(map(str, path)), message) for path, message in mistakes]
             raise ProblemsError(problems)
         return self.model_copy(update={"params": params})
-
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Brush:
-        copy = super().model_copy(update=update, deep=deep)
-        if update:
-            copy._source = None  # the file says something else
-        return copy
 
     def __repr__(self):
         title = f' "{self.title}"' if self.title else ""

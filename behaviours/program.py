@@ -23,7 +23,6 @@ A program is a file ``NAME.program.toml`` (``behaviours/programs`` has the shipp
 from __future__ import annotations
 
 import functools
-import hashlib
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -31,14 +30,14 @@ from typing import Annotated, Any
 
 from flockbrush.behaviours.amounts import Length, TimeRange
 from flockbrush.behaviours.file_library import NAME, FileLibrary, check_schema, name_in, read_source
-from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
+from flockbrush.behaviours.spec import FileSpec, Line, Spec, Text, spec_field
 from flockbrush.behaviours.tomlfile import Key, TomlFile, parse_toml
 from flockbrush.behaviours.trigger import Condition, read_condition
 from flockbrush.behaviours.validation import shown, validated
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.limits import PROGRAM_MEMORIES, PROGRAM_STATES, PROGRAM_TRIGGERS
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
-from pydantic import BeforeValidator, Field, PrivateAttr
+from pydantic import BeforeValidator, Field
 
 SCHEMA = "flockbrush.program/1"
 SUFFIX = ".program.toml"
@@ -108,7 +107,7 @@ class Trigger(Spec):
     model_config = {**Spec.model_config, "populate_by_name": True, "arbitrary_types_allowed": True}
 
 
-class Program(Spec):
+class Program(FileSpec):
     """States and triggers, checked.
 
     Parameters
@@ -126,21 +125,13 @@ class Program(Spec):
     start: Shares | None = spec_field(None, "initial state, or a table of states and weights; default: the first state")
     states: dict[str, State] = spec_field(..., "what animals do")
     triggers: tuple[Trigger, ...] = spec_field((), "transitions from one state to another")
-    _source: bytes | None = PrivateAttr(None)
 
     model_config = {**Spec.model_config, "populate_by_name": True}
 
-    @property
-    def source(self) -> bytes:
-        """The file it was read from, or the one it would be saved as."""
+    def _as_file(self) -> str:
         from flockbrush.behaviours.program_writer import program_to_toml
 
-        return self._source if self._source is not None else program_to_toml(self).encode()
-
-    @property
-    def sha256(self) -> str:
-        """SHA-256 of `source`, in hex."""
-        return hashlib.sha256(self.source).hexdigest()
+        return program_to_toml(self)
 
     @property
     def beginnings(self) -> tuple[tuple[str, float], ...]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import hashlib
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr
 
 
 def _printable(text: str) -> str:
@@ -28,6 +30,33 @@ class Spec(BaseModel):
     """A table of an asset file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class FileSpec(Spec):
+    """What a file of its own holds.  The file goes along as it is, until something is changed."""
+
+    _source: bytes | None = PrivateAttr(None)
+
+    @property
+    def source(self) -> bytes:
+        """The file it was read from, or the file it would be saved as: what a recording embeds."""
+        if self._source is None:
+            self._source = self._as_file().encode()
+        return self._source
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of `source`, in hex: what ``sha256sum`` says of the file."""
+        return hashlib.sha256(self.source).hexdigest()
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        copy = super().model_copy(update=update, deep=deep)
+        if update:
+            copy._source = None  # the file says something else
+        return copy
+
+    def _as_file(self) -> str:
+        raise NotImplementedError(f"a {type(self).__name__} comes from a file and is not changed in Python")
 
 
 def spec_field(default, text: str, unit: str = "", **bounds):

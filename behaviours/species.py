@@ -29,11 +29,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from flockbrush.behaviours.file_library import NAME, FileLibrary, check_schema, name_in, read_source
-from flockbrush.behaviours.spec import Line, Spec, Text, spec_field
+from flockbrush.behaviours.spec import FileSpec, Line, Spec, Text, spec_field
 from flockbrush.behaviours.tomlfile import TomlFile
 from flockbrush.behaviours.validation import shown, validated
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 SCHEMA = "flockbrush.species/1"
 SUFFIX = ".species.toml"
@@ -171,7 +171,7 @@ class Relation(Spec):
         return float(getattr(self, self.verb))
 
 
-class SpeciesSpec(Spec):
+class SpeciesSpec(FileSpec):
     """A kind of animal.
 
     Examples
@@ -199,7 +199,6 @@ class SpeciesSpec(Spec):
     spread: SpreadSpec = spec_field(SpreadSpec(), "how individuals differ")
     calm: float = spec_field(6.0, "how long alarm lasts after the danger was last seen", "s", ge=0, le=600)
     relations: dict[str, Relation] = spec_field({}, "relations to others, by species, tag or *", max_length=200)
-    _source: bytes | None = PrivateAttr(None)
 
     @model_validator(mode="after")
     def _moves(self):
@@ -213,11 +212,6 @@ class SpeciesSpec(Spec):
             if key in self.relations:
                 return self.relations[key]
         return None
-
-    @property
-    def source(self) -> bytes:
-        """The file it was read from: what a recording embeds."""
-        return self._source or b""
 
     def can(self, medium: str) -> bool:
         """Whether it moves in this medium."""
