@@ -94,6 +94,7 @@ def _digest(path):
     return hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest()
 
 
+@cache
 def package_versions():
     """{name: version} of Python and of the packages that may change the bits of a run."""
     versions = {"python": platform.python_version()}
