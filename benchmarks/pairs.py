@@ -41,7 +41,7 @@ from flockbrush.systems.life import Nursery
 from flockbrush.systems.mark_commands import DrawZone
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.program_commands import Event, GiveProgram, UseProgram
-from flockbrush.systems.undo import UseBrush
+from flockbrush.systems.undo import MixBrush, UseBrush
 
 from flockbrush.output.export import Exports
 from flockbrush.runs.run import open_level, rebuild, record, start
@@ -201,6 +201,7 @@ def things():
         "event": lambda p, s: [UseProgram("pairs", PROGRAM % (p.brush, p.brush)), GiveProgram("pairs"), Event("go")],
     }  # fmt: skip
     made |= {
+        "soft zone": _soft_zone,
         "leader on mixed paint": lambda p, s: [half_zone(p, 0.45 * p.side), *_lead(p, s)],
         "leader with a program": lambda p, s: [*_lead(p, s), *_two_states(p)],
         "mixed slope under birds": lambda p, s: [half_zone(p, 0.5 * p.side), *_birds_above(p)],
@@ -247,6 +248,13 @@ def half_zone(pair, west):
     points = [[west, south], [east, south], [east, north], [west, north]]
     edge = 0.1 * pair.side
     return DrawZone(pair.zone, "half", points, partner(pair.brush), strength=0.5, edge=edge, species=pair.species)
+
+
+def _soft_zone(pair, simulation):
+    """Bring the mixtures for a zone of half weight along."""
+    brush = partner(pair.brush)
+    use = UseBrush(brush, shipped().get(brush).source.decode())
+    return [use, MixBrush(brush, {}), half_zone(pair, 0.45 * pair.side)]
 
 
 def _two_states(pair):
