@@ -1,6 +1,7 @@
 """What all tests share: the same random examples every time, no more of them than asked for; files stay together."""
 
 import gc
+import os
 
 import pytest
 from hypothesis import settings
@@ -8,6 +9,7 @@ from hypothesis import settings
 settings.register_profile("house", derandomize=True, deadline=None, print_blob=False)
 settings.load_profile("house")
 gc.disable()  # until all tests are found: what is imported stays
+os.fsync = lambda file: None  # no file of a test has to outlive a power failure
 
 FIRST = "test_replaying.py"  # the longest: it compiles every kernel twice, once for a plain processor
 WITHOUT_HERDS = ("levels", "components", "engine")  # rooms whose tests need few kernels, or others
