@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -119,9 +120,13 @@ class TerrainSketch:
         blocks = np.array([blocking for _, _, blocking in kinds])
         lead = self._wall_lead(kinds, start, sharp)
         for group, ahead in ((blocks, lead), (~blocks, -lead)):
-            if group.any():  # the best of each group has 1, or falls behind by its distance from the wall
-                mine = shares[group]
-                shares[group] = np.where(mine > 0, mine - mine.max(axis=0) + np.minimum(1 + ahead, 1), 0)
+            mine = [shares[k] for k in np.flatnonzero(group)]  # the best has 1, or falls behind by its distance
+            best, room = functools.reduce(np.maximum, mine, np.float32(0)), np.minimum(1 + ahead, 1)  # from the wall
+            for share in mine:
+                near = share > 0
+                share -= best
+                share += room
+                share *= near
         patch(part, shares, inks, np.array(self.theme.outline, np.float64), sharp, self.unit)
 
     def _wall_lead(self, kinds, start, sharp):
