@@ -10,6 +10,7 @@ and leave.
 from __future__ import annotations
 
 import numpy as np
+import scipy  # its parts are imported when they are used first, which takes a third of a start
 from flockbrush.components import Body, BrushBinding, Family, Heading, Position, Species, Velocity
 from flockbrush.components.formation import FormationPlace
 from flockbrush.systems.fauna import SpeciesList, kin_of
@@ -18,8 +19,6 @@ from flockbrush.systems.life import Nursery
 from flockbrush.systems.measures import herd_measures
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import FindNeighbours, Near, See, SeeInSpace, Sight, SightInSpace
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 
 class _Aside:
@@ -47,13 +46,15 @@ def groups_of(world):
     if not n:
         return np.zeros(0, np.int64)
     together = kin_of(world.resource(SpeciesList).table, agents[Species.index])
-    links = sum((mutual(lists, together) for lists in perceived(world) if lists is not None), csr_matrix((n, n)))
+    links = sum(
+        (mutual(lists, together) for lists in perceived(world) if lists is not None), scipy.sparse.csr_matrix((n, n))
+    )
     placed = np.flatnonzero((agents[FormationPlace.reference] > 0) | (agents[FormationPlace.place] == 0))
     if len(placed):
         links = links.tocoo()
         direct = ~(np.isin(links.row, placed) & np.isin(links.col, placed))
-        links = coo_matrix((links.data[direct], (links.row[direct], links.col[direct])), shape=(n, n))
-    count, label = connected_components(links + _references(agents), directed=False)
+        links = scipy.sparse.coo_matrix((links.data[direct], (links.row[direct], links.col[direct])), shape=(n, n))
+    count, label = scipy.sparse.csgraph.connected_components(links + _references(agents), directed=False)
     smallest = np.full(count, np.iinfo(np.int64).max)
     np.minimum.at(smallest, label, agents.ids)
     return smallest[label]
@@ -75,9 +76,9 @@ def mutual(lists, together):
     """(n, n) sparse: 1 where two of the same number in ``together`` perceive each other."""
     n = len(lists.first) - 1
     seen = np.ones(len(lists.near), np.int8)
-    matrix = csr_matrix((seen, lists.near, lists.first), shape=(n, n)).tocoo()
+    matrix = scipy.sparse.csr_matrix((seen, lists.near, lists.first), shape=(n, n)).tocoo()
     same = together[matrix.row] == together[matrix.col]
-    matrix = coo_matrix((matrix.data[same], (matrix.row[same], matrix.col[same])), shape=(n, n)).tocsr()
+    matrix = scipy.sparse.coo_matrix((matrix.data[same], (matrix.row[same], matrix.col[same])), shape=(n, n)).tocsr()
     return matrix.minimum(matrix.T)
 
 
@@ -86,7 +87,9 @@ def _references(agents):
     ids, entity = agents.ids, agents[FormationPlace.reference]
     row = np.minimum(np.searchsorted(ids, entity), len(ids) - 1)
     follows = np.flatnonzero((entity > 0) & (ids[row] == entity))
-    return csr_matrix((np.ones(len(follows), np.int8), (follows, row[follows])), shape=(len(ids), len(ids)))
+    return scipy.sparse.csr_matrix(
+        (np.ones(len(follows), np.int8), (follows, row[follows])), shape=(len(ids), len(ids))
+    )
 
 
 # numbers of parts of a world ---------------------------------------------------------------

@@ -18,10 +18,8 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # its parts are imported when they are used first, which takes a third of a start
 from flockbrush.engine.plugins import load_entry_points
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 
 def _unit(vectors):
@@ -103,8 +101,8 @@ def compute_largest_part(xy, link, wrap=None):
     if n == 0:
         return np.nan
     pairs = _tree(np.asarray(xy, float), wrap).query_pairs(link, output_type="ndarray")
-    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (n, n))
-    return float(np.bincount(connected_components(graph, directed=False)[1]).max() / n)
+    graph = scipy.sparse.coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (n, n))
+    return float(np.bincount(scipy.sparse.csgraph.connected_components(graph, directed=False)[1]).max() / n)
 
 
 def compute_density(xy):
@@ -112,8 +110,8 @@ def compute_density(xy):
     if len(xy) < 3:
         return np.nan
     try:
-        return float(len(xy) / ConvexHull(np.asarray(xy, float)[:, :2]).volume)
-    except QhullError:
+        return float(len(xy) / scipy.spatial.ConvexHull(np.asarray(xy, float)[:, :2]).volume)
+    except scipy.spatial.QhullError:
         return np.nan
 
 
@@ -133,7 +131,7 @@ def compute_nn_bearing(xy, forward):
     xy, f = np.asarray(xy, float)[:, :2], np.asarray(forward, float)
     if len(xy) < 2:
         return np.full(len(xy), np.nan)
-    off = xy[cKDTree(xy).query(xy, k=2)[1][:, 1]] - xy
+    off = xy[scipy.spatial.cKDTree(xy).query(xy, k=2)[1][:, 1]] - xy
     return np.arctan2(f[:, 0] * off[:, 1] - f[:, 1] * off[:, 0], f[:, 0] * off[:, 0] + f[:, 1] * off[:, 1])
 
 
@@ -146,7 +144,7 @@ def compute_neighbour_map(xy, forward, reach, bins=21):
     edges = np.linspace(-reach, reach, bins + 1)
     if len(xy) < 2:
         return np.zeros((bins, bins))
-    pairs = cKDTree(xy).query_pairs(reach * np.sqrt(2), output_type="ndarray")
+    pairs = scipy.spatial.cKDTree(xy).query_pairs(reach * np.sqrt(2), output_type="ndarray")
     i, j = np.concatenate([pairs, pairs[:, ::-1]]).T
     off = xy[j] - xy[i]
     ahead = (off * f[i, :2]).sum(1)
@@ -350,4 +348,4 @@ def _folded(places, wrap):
 
 def _tree(xy, wrap):
     box = None if wrap is None else (*wrap, *(0.0,) * (np.shape(xy)[1] - 2))  # height has no seam
-    return cKDTree(_folded(xy, wrap), boxsize=box)
+    return scipy.spatial.cKDTree(_folded(xy, wrap), boxsize=box)
