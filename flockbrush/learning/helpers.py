@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import pickle
 import signal
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from functools import lru_cache
 from multiprocessing import get_context
+from pathlib import Path
 
 from flockbrush.engine.files import refused
 from flockbrush.engine.parallel import set_threads
@@ -17,6 +21,38 @@ ASKED = 0.5  # s between two questions whether to stop
 def _begin():
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all; the parent hears it, and ends the work
     set_threads(1)
+
+
+class Common:
+    """What many tasks have in common: processes get it by a file, which each reads once.
+
+    Leave its ``with`` statement only when no task is left that needs it.
+    """
+
+    def __init__(self, value):
+        self.value = value
+        self._folder: tempfile.TemporaryDirectory | None = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    def __reduce__(self):
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(prefix="flockbrush-", ignore_cleanup_errors=True)
+            (Path(self._folder.name) / "common").write_bytes(pickle.dumps(self.value))
+        return _common, (self._folder.name,)
+
+
+@lru_cache(maxsize=1)
+def _common(folder):
+    try:
+        return Common(pickle.loads((Path(folder) / "common").read_bytes()))
+    except FileNotFoundError:  # the work was stopped, and nobody asks for what becomes of this task
+        return Common(None)
 
 
 class Later:
