@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import pickle
 import signal
 import tempfile
@@ -21,6 +22,10 @@ ASKED = 0.5  # s between two questions whether to stop
 def _begin():
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all; the parent hears it, and ends the work
     set_threads(1)
+
+
+def _import(module):
+    importlib.import_module(module)
 
 
 class Common:
@@ -93,6 +98,12 @@ class Helpers:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(self.jobs - 1, get_context("spawn"), initializer=_begin)
         return self._pool.submit(function, *args)
+
+    def begin(self, module: str):
+        """Start a process already, which imports a module while this one does something else."""
+        if self.jobs > 1:
+            self._submit(_import, (module,))
+        return self
 
     def later(self, function, *args) -> Later:
         """Begin something that is needed later."""
