@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import importlib
-import pickle
 import signal
-import tempfile
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
-from functools import lru_cache
 from multiprocessing import get_context
-from pathlib import Path
 
 from flockbrush.engine.files import refused
 from flockbrush.engine.parallel import set_threads
@@ -28,36 +25,36 @@ def _import(module):
     importlib.import_module(module)
 
 
+class NotSent(Exception):
+    """A task came to a process that never got what it has in common with others."""
+
+
 class Common:
-    """What many tasks have in common: processes get it by a file, which each reads once.
+    """What many tasks have in common: it is sent with the first so many, and processes keep the last one."""
 
-    Leave its ``with`` statement only when no task is left that needs it.
-    """
+    def __init__(self, value, times: int = 0):
+        self._value, self.times, self.name, self.sent = value, times, uuid.uuid4().hex, 0
 
-    def __init__(self, value):
-        self.value = value
-        self._folder: tempfile.TemporaryDirectory | None = None
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        if self._folder is not None:
-            self._folder.cleanup()
+    @property
+    def value(self):
+        """What it is; `NotSent` in a process that did not get it."""
+        if self._value is None:
+            raise NotSent
+        return self._value
 
     def __reduce__(self):
-        if self._folder is None:
-            self._folder = tempfile.TemporaryDirectory(prefix="flockbrush-", ignore_cleanup_errors=True)
-            (Path(self._folder.name) / "common").write_bytes(pickle.dumps(self.value))
-        return _common, (self._folder.name,)
+        self.sent += 1
+        return _common, (self.name, self._value if self.sent <= self.times else None)
 
 
-@lru_cache(maxsize=1)
-def _common(folder):
-    try:
-        return Common(pickle.loads((Path(folder) / "common").read_bytes()))
-    except FileNotFoundError:  # the work was stopped, and nobody asks for what becomes of this task
-        return Common(None)
+_kept: dict[str, Common] = {}
+
+
+def _common(name, value):
+    if value is not None:
+        _kept.clear()
+        _kept[name] = Common(value)
+    return _kept.get(name) or Common(None)
 
 
 class Later:
@@ -105,6 +102,10 @@ class Helpers:
             self._submit(_import, (module,))
         return self
 
+    def common(self, value) -> Common:
+        """What tasks of `run` have in common, for their first argument."""
+        return Common(value, 2 * self.jobs)
+
     def later(self, function, *args) -> Later:
         """Begin something that is needed later."""
         return Later(None if self.jobs == 1 else self._submit(function, args), function, args)
@@ -139,7 +140,15 @@ class Helpers:
                 done = [future for future in left if future.done()]
                 for future in done:
                     left.remove(future)
-                    yield numbers[future], future.result()
+                    k = numbers[future]
+                    try:
+                        result = future.result()
+                    except NotSent:
+                        tasks[k][0].sent = 0
+                        left.append(self._submit(function, tasks[k]))
+                        numbers[left[-1]] = k
+                    else:
+                        yield k, result
         except BrokenExecutor:
             raise refused(
                 "a learning process", "is not running any more; finished work is kept; continue with --resume"

@@ -210,18 +210,18 @@ def judge(
     """
     seeds = [seed + k for k in range(runs)]
     others: dict[str, object] = {**IDLE, RANDOM: random_numbers(brush), **rivals}
-    battery = Common(Battery.of(clip))
+    helpers = helpers or Helpers()
+    battery = helpers.common(Battery.of(clip))
     tasks: list[tuple] = [(battery, name, brush, seeds, seeds[:LONG_RUNS])]
     for other, herd in others.items():
         always = isinstance(herd, bool)
         runs_of_it = [1000 + seed] if always else [1000 + seed + r for r in range(RIVAL_RUNS)]
         tasks.append((battery, other, herd, runs_of_it, [seed] if always else ()))
     found: dict[int, Contender] = {}
-    with battery:
-        for k, contender in (helpers or Helpers()).run(_contend, tasks):
-            found[k] = contender
-            if say is not None:
-                say(len(found) - 1, len(others))
+    for k, contender in helpers.run(_contend, tasks):
+        found[k] = contender
+        if say is not None:
+            say(len(found) - 1, len(others))
     mine, *tried = (found[k] for k in range(len(tasks)))
     seconds, count = len(clip.fields) / clip.fps, float(np.nanmedian(clip.fields.count))
     return concluded(mine, tried, seconds, count, clip.doubt)

@@ -19,7 +19,7 @@ from pathlib import Path
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.plain_json import read_json
 from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.learning.helpers import Common, Helpers
+from flockbrush.learning.helpers import Helpers
 from flockbrush.runs.builds import build_of_worker
 from flockbrush.runs.cluster import OtherCode, let_go, work_as
 
@@ -72,7 +72,7 @@ class Workers:
         self.given, self.signature, self.stop, self.cluster = given, signature, stop, cluster
         self.own = not isinstance(jobs, Helpers)
         self.helpers: Helpers = Helpers(jobs) if self.own else jobs
-        self.common = Common(given)
+        self.common = self.helpers.common(given)
         self.path = Path(path) if path else None
         self.pool: Executor | None = None
         self.known, self.kept = self._read(), time.monotonic()
@@ -101,7 +101,6 @@ class Workers:
             let_go(self.pool, wait=error[0] is None)
         if self.own:
             self.helpers.__exit__(*error)
-        self.common.__exit__(*error)
 
     def map(self, function, tasks, done=None):
         """Results of ``function(given, **task)``, in the order of the tasks.
