@@ -14,6 +14,7 @@ from flockbrush.engine.parallel import set_threads
 from flockbrush.runs.cluster import let_go
 
 ASKED = 0.5  # s between two questions whether to stop
+MOST = 1024  # processes
 
 
 def _begin():
@@ -80,7 +81,7 @@ class Helpers:
     """
 
     def __init__(self, jobs: int = 1):
-        self.jobs = max(1, int(jobs))
+        self.jobs = min(max(1, int(jobs)), MOST)
         self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self):
