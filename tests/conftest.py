@@ -45,7 +45,7 @@ def hasty_learning():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(recipe, "begins", lambda *how: begins(*how)[::5][:4])
         patch.setattr(recipe, "Workers", lambda given, jobs, *rest: workers(given, 1, *rest))
-        patch.setattr(learn, "Helpers", lambda jobs: helpers.Helpers(1))  # lambdas below are not pickled
+        patch.setattr(helpers, "MOST", 1)  # lambdas below are not pickled
         patch.setattr(learn, "QUICK_BUDGET", 1.0)
         patch.setattr(learn, "with_other_numbers", lambda *_: [])
         patch.setattr(learn, "with_other_starts", lambda *_: [])

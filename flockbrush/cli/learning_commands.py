@@ -247,11 +247,16 @@ def learn(
     if not re.fullmatch(r"auto|cpu|cuda(:\d+)?", fit.device):
         raise typer.BadParameter(f"it is auto, cpu, cuda or cuda:0; got {fit.device!r}", param_hint="--device")
     options = {"--out": out, **look.words(), **fit.words(), "--seed": fit.seed, "--resume": None, "--report": report}
+    from flockbrush.learning.helpers import Helpers
+
+    helpers = Helpers(jobs)
+    if all(map(Path.is_file, clips)):  # importing takes as long as looking at some frames
+        helpers.begin("flockbrush.learning.learn")
     from flockbrush.learning.learn import LearnOptions, learn_brushes
 
     learn_brushes(
         LearnOptions(
-            clips=clips, out=out, looking=how, jobs=jobs, workers=workers, report=report, json=json,
+            clips=clips, out=out, looking=how, jobs=jobs, helpers=helpers, workers=workers, report=report, json=json,
             length_m=look.body_length_m or 1.0, command=command_line("learn", clips, options),
             **vars(fit) | {"ablate": without},
         )

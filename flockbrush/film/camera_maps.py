@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from flockbrush.film.observations import CannotObserve
 
@@ -123,6 +122,8 @@ def smoothed(maps, middle):
     middle : (2,) ndarray
         The landmarks' middle in the first picture, px: c of eq. 1.
     """
+    from scipy.signal import savgol_filter  # takes 0.4 s to import, and only landmarks need it
+
     if len(maps) < SMOOTH:
         return maps
     inverse = np.array([back(m) for m in maps])  # from the first picture to each: where the landmark is

@@ -98,7 +98,7 @@ def _looks(first, xy, heading, who, fps, every, span, single=True, velocity=None
         speed, turn = np.full((n, 2), np.nan), np.full(n, np.nan)
         if single:
             later = slice(first[t + step], first[t + step + 1])
-            _, mine, theirs = np.intersect1d(who[rows], who[later], return_indices=True)
+            mine, theirs = same_animals(who[rows], who[later])
             named = who[rows][mine] >= 0
             mine, theirs = mine[named], theirs[named]
             speed[mine] = (xy[later][theirs] - xy[rows][mine]) * (fps / step)
@@ -109,6 +109,13 @@ def _looks(first, xy, heading, who, fps, every, span, single=True, velocity=None
         weight, trusted = (np.ones(n) if values is None else values[rows] for values in counts)
         found.append(ClipMoment(xy[rows], heading[rows], speed, turn, weight, trusted))
     return found
+
+
+def same_animals(who, later) -> tuple[np.ndarray, np.ndarray]:
+    """Where those are who are in both of two lists of animals: in the one, and in the other."""
+    if np.array_equal(who, later) and (who[1:] > who[:-1]).all():
+        return np.arange(len(who)), np.arange(len(who))
+    return np.intersect1d(who, later, return_indices=True)[1:]
 
 
 def looks_of(clip: Evidence, every: int, span: float = SPAN[0]) -> list[ClipMoment]:
@@ -249,7 +256,11 @@ def _products_by_distance(xy, velocity, rings):
     found, per_length = np.zeros(2 * count), count / rings[-1]
     for i in range(n):
         for j in range(i + 1, n):
-            k = int(np.hypot(xy[i, 0] - xy[j, 0], xy[i, 1] - xy[j, 1]) * per_length)
+            x, y = xy[i, 0] - xy[j, 0], xy[i, 1] - xy[j, 1]
+            far = np.sqrt(x * x + y * y) * per_length
+            k = int(far)
+            if min(far - k, k + 1.0 - far) < 1e-9 * far:  # so near a ring's edge that rounding decides
+                k = int(np.hypot(x, y) * per_length)
             if k < count:
                 found[k] += velocity[i, 0] * velocity[j, 0] + velocity[i, 1] * velocity[j, 1]
                 found[count + k] += 1

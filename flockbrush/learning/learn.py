@@ -81,7 +81,7 @@ class LearnOptions:
     device: str = "auto"
     command: str = ""
     crew: Cluster | None = None  # `workers`, while they are in use
-    helpers: Helpers = field(default_factory=Helpers)  # `jobs`, while they are in use
+    helpers: Helpers = field(default_factory=Helpers)  # `jobs`, begun already or while they are in use
     silent: bool = False  # no tables; the result is for a program
 
 
@@ -115,7 +115,7 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
     outputs = [*_brush_files(wishes, regions), *([wishes.report] if wishes.report else [])]
     crew = cluster(*wishes.workers) if wishes.workers else nullcontext()
     rehearsed = compiling_for("flockbrush.learning.rehearsal:rehearse")
-    helpers = Helpers(wishes.jobs)
+    helpers = wishes.helpers if wishes.helpers.jobs == wishes.jobs else Helpers(wishes.jobs)
     with Interrupts() as interrupts, rehearsed, held(*outputs), crew as wishes.crew, helpers as wishes.helpers:
         try:
             seen = [_looked(clip, wishes) for clip in wishes.clips]
@@ -420,14 +420,15 @@ def _compare(found: Findings, wishes, interrupts, photo):
     frames = found.held if found.held is not None else found.clips[0]
     brush = found.compared_brush
     asked = found.brush, start_of(frames, 0, 0, found.brush.body), wishes.seed
-    counts = wishes.helpers.later(with_other_numbers, *asked)
     starts = None if photo or wishes.quick else wishes.helpers.later(with_other_starts, *asked)
+    counts = wishes.helpers.later(with_other_numbers, *asked) if starts is None else None  # one thing beside the rest
     runs = [simulated(frames, brush, seed) for seed in range(1 if wishes.quick else RUNS)]
     found.comparison = compared(frames, runs)
     if wishes.report is not None:
         many = MOMENTS_OF_PHOTO if photo else MOMENTS
         found.moments = moments_of(wishes.clips[0], frames, runs[0], brush, many)
-    found.starts, found.counts = [] if starts is None else starts.result(), counts.result()
+    found.counts = with_other_numbers(*asked) if counts is None else counts.result()
+    found.starts = [] if starts is None else starts.result()
 
 
 def _rivals(frames, found) -> dict[str, Brush]:

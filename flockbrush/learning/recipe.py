@@ -64,6 +64,7 @@ from flockbrush.learning.trials import (
     means_of,
     scored,
     squares,
+    stayed,
     stiffness,
     trial,
     wandering,
@@ -416,14 +417,13 @@ class _Search:
     def _keepers(self, workers, final):
         """Re-run these candidates for longer, and return them in order of merit with the results."""
         tasks = [
-            {
-                "theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras,
-                "seed": _seed(self.seed, 6, 0),
-            }
-            for k in final
+            {"theta": np.round(a.theta, 12).tolist(), "extras": a.extras, "seed": _seed(self.seed, 6, 0), "factor": f}
+            for a in map(self.attempts.__getitem__, final) for f in (1.0, *OTHER_NUMBERS)
         ]  # fmt: skip
-        results = workers.map(keep, tasks, lambda done: self.say(done, len(final), self._best_score(), "staying"))
-        for k, result in zip(final, results, strict=True):
+        each, best = 1 + len(OTHER_NUMBERS), self._best_score()
+        found = workers.map(keep, tasks, lambda done: self.say(done // each, len(final), best, "staying"))
+        for at, k in enumerate(final):
+            result = stayed(found[at * each : (at + 1) * each])
             self.attempts[k].staying = result["score"]
             self.attempts[k].figures |= {f"staying, {name}": value for name, value in result["figures"].items()}
         return sorted(final, key=lambda k: _merit(self.attempts[k]))

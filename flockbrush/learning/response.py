@@ -24,7 +24,7 @@ import numpy as np
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.missing_animals import trust
 from flockbrush.film.observations import Evidence, Sightings
-from flockbrush.learning.battery import DEVIATIONS, MEASURES, BatteryRow, seen_run
+from flockbrush.learning.battery import DEVIATIONS, MEASURES, BatteryRow, same_animals, seen_run
 from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.rollout import Run, theta_of
 from flockbrush.learning.turns import Turns, predicted, residuals, turns_of
@@ -90,9 +90,9 @@ def response(
     ]
 
 
-def scatters(clip: Evidence, brush, run: Run) -> tuple[float, float] | None:
-    """Scatter of the turns of a clip and of a run about what the brush foretells, rad; None if too few are seen."""
-    mine = _answer(clip.sightings, brush, turns_seen(clip, clip.sightings, brush))
+def scatters(clip: Evidence, brush, run: Run, turns: Callable[[], Turns | None]) -> tuple[float, float] | None:
+    """Scatter of turns of a clip (as for `response`) and of a run about what the brush foretells, rad; None if few."""
+    mine = _answer(clip.sightings, brush, turns())
     theirs = _answer_of_run(run, clip, brush)
     return None if mine is None or theirs is None else (mine.scatter, theirs.scatter)
 
@@ -143,7 +143,7 @@ def _stepped(seen, fps, ahead):
     angle = np.arctan2(seen.forward[:, 1], seen.forward[:, 0])
     for t in range(len(seen) - ahead):
         here, there = seen.of(t), seen.of(t + ahead)
-        _, mine, later = np.intersect1d(seen.track[here], seen.track[there], return_indices=True)
+        mine, later = same_animals(seen.track[here], seen.track[there])
         mine, later = mine + here.start, later + there.start
         named = seen.track[mine] >= 0
         mine, later = mine[named], later[named]

@@ -161,6 +161,8 @@ class Gates:
     @classmethod
     def of(cls, fields):
         """From `Fields`; None where the picture holds the whole herd all the time."""
+        if fields.at_edge is not None and not (fields.at_edge > AT_EDGE).any():
+            return None
         speed = np.hypot(fields.velocity[..., 0], fields.velocity[..., 1])
         density, entry = np.nan_to_num(fields.density), []
         rims = [seen & ~ndimage.binary_erosion(seen) for seen in fields.seen]

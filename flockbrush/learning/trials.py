@@ -168,13 +168,13 @@ def wandering(given: Setting, theta, extras, seed):
     Two herds are observed as the clips are, one that does not wander and one that does: the variance of turns grows
     with the square of wander.
     """
-    parts = [clip.part(slice(0, round(WANDERS * clip.fps) + 1)) for clip in given.seen]
+    parts = [_beginning(clip) for clip in given.seen]
 
     def variances(wander):
         brush, pairs = given.brush(theta, extras | {"wander": wander}), []
         for k, clip in enumerate(parts):
             run = simulate(clip, brush.params, given.speed, given.body, brush.vision, [seed, k, 3], dt=COARSE_DT)
-            pairs.append(scatters(clip, brush, run))
+            pairs.append(scatters(clip, brush, run, _turns_seen(clip, brush)))
         known = [pair for pair in pairs if pair is not None]
         return np.mean(np.square(known), axis=0) if known else np.zeros(2)
 
@@ -185,6 +185,10 @@ def wandering(given: Setting, theta, extras, seed):
     clip, moved = variances(first)
     grown = max(clip - still, 0.0) / max(moved - still, 1e-9)
     return {"wander": float(min(first * np.sqrt(grown), MOST_WANDER))}
+
+
+def _beginning(clip):
+    return _kept(("beginning",), clip, lambda: clip.part(slice(0, round(WANDERS * clip.fps) + 1)))
 
 
 def stiffness(given: Setting, theta, extras) -> np.ndarray | None:
@@ -333,43 +337,52 @@ def _of_limits(given, clip, theta, extras, run):
     if not followed(clip) or len(clip.fields) < SHORTEST * clip.fps:
         return {}
     brush, battery = given.brush(theta, extras), _kept(("battery",), clip, lambda: Battery.of(clip))
+    rows = battery.compared([battery.measured(run)]) + response(clip, brush, [run], _turns_seen(clip, brush))
+    return {OFF + name: far for name, far in _not_ignored(given, {row.name: row.far for row in rows}).items()}
+
+
+def _turns_seen(clip, brush):
+    """A function that gives the turns seen in a clip; they hang on no other numbers of the brush than these."""
     params = brush.params
     sight = "turns", params.neighbour_range, params.leader_neighbours, params.leader_cone
-    own = lambda: _kept(sight, clip, lambda: turns_seen(clip, clip.sightings, brush))  # noqa: E731
-    rows = battery.compared([battery.measured(run)]) + response(clip, brush, [run], own)
-    return {OFF + name: far for name, far in _not_ignored(given, {row.name: row.far for row in rows}).items()}
+    return lambda: _kept(sight, clip, lambda: turns_seen(clip, clip.sightings, brush))
 
 
 def _not_ignored(given, parts):
     return {name: value for name, value in parts.items() if name not in given.ignore}
 
 
-def keep(given: Setting, theta, extras, seed):
-    """How far herds with these numbers stray from what the clips are in the long run: {score, figures}.
+def keep(given: Setting, theta, extras, seed, factor):
+    """How far herds with these numbers stray from what the clips are in the long run, for each clip: for `stayed`.
 
-    Each goes on from the last frame for `STAY` seconds, and so do a quarter and four times as many, of whom only order
-    and turning are compared.  Clips that see part of a herd are left out, and larger herds than `TOO_MANY`.
+    Each goes on from the last frame for `STAY` seconds, with ``factor`` times as many animals; of others than as many
+    only order and turning are compared.  Clips that see part of a herd are left out, and larger herds than `TOO_MANY`.
     """
-    measured: dict[str, list[float]] = {}
+    strayed = []
     for k, clip in enumerate(given.clips):
         if not clip.fields.holds_all:
             continue
         last, target = len(clip.fields) - 1, _from(clip)[1]
-        parts = _compared(given, clip, target, theta, extras, [seed, k, 2], last, STAY, DT)
-        measured.setdefault("as many", []).append(_strayed(parts))
-        begun = start_of(clip, last, seed, given.body)
-        for factor in OTHER_NUMBERS:
-            herd = resized(begun, factor, seed)
-            if not 2 <= len(herd) <= TOO_MANY:
-                continue
-            run = rollout(
-                herd, params_of(theta, extras), given.speed, given.body, given.vision(extras), seconds=STAY,
-                fps=LOOKS / STAY, seed=seed,
-            )  # fmt: skip
-            parts = _not_ignored(given, order_off(run, clip, target))
-            if parts:  # a photograph shows neither order nor turning
-                measured.setdefault(f"{factor:g} times as many", []).append(_strayed(parts))
-    figures = {name: float(np.mean(values)) for name, values in measured.items()}
+        if factor == 1.0:
+            strayed.append(_strayed(_compared(given, clip, target, theta, extras, [seed, k, 2], last, STAY, DT)))
+            continue
+        herd = resized(start_of(clip, last, seed, given.body), factor, seed)
+        if not 2 <= len(herd) <= TOO_MANY:
+            continue
+        run = rollout(
+            herd, params_of(theta, extras), given.speed, given.body, given.vision(extras), seconds=STAY,
+            fps=LOOKS / STAY, seed=seed,
+        )  # fmt: skip
+        parts = _not_ignored(given, order_off(run, clip, target))
+        if parts:  # a photograph shows neither order nor turning
+            strayed.append(_strayed(parts))
+    return strayed
+
+
+def stayed(found):
+    """{score, figures} of a candidate, by what `keep` returned for one time as many animals and for `OTHER_NUMBERS`."""
+    names = ["as many", *(f"{factor:g} times as many" for factor in OTHER_NUMBERS)]
+    figures = {name: float(np.mean(values)) for name, values in zip(names, found, strict=True) if values}
     others = [value for name, value in figures.items() if name != "as many"]
     halves = [figures["as many"], float(np.mean(others)) if others else figures["as many"]] if figures else [0.0]
     return {"score": float(np.sqrt(np.mean(np.square(halves)))), "figures": figures}

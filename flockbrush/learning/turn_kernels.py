@@ -57,6 +57,8 @@ def is_inside(evidence, frames, reach):
         For all sightings of these frames, one after the other.
     """
     seen, fields, cut = evidence.sightings, evidence.fields, Gates.of(evidence.fields) is not None
+    if not cut and fields.seen.all():
+        return np.ones(sum(seen.first[t + 1] - seen.first[t] for t in frames), bool)
     out, ways = [], np.arange(8) * np.pi / 4
     around = reach * np.stack([np.cos(ways), np.sin(ways)], 1)
     for t in frames:

@@ -228,6 +228,7 @@ def fit_turns(
     if not len(turns.rows):
         return TurnFit(theta, np.zeros(0), np.inf, np.zeros((12, 12)), converged=True)
     now = _judged(turns, predicted(turns, theta, params), None)
+    assert now is not None
     losses, damping, interrupted, converged = [now.loss], 1e-3, False, False
     try:
         for step in range(steps):
@@ -237,8 +238,8 @@ def fit_turns(
             better = None
             while better is None and damping < 1e9:
                 trial = _step(theta, now, free, damping)
-                judged = _judged(turns, predicted(turns, trial, params), now.spread)
-                if judged.loss < now.loss - 1e-15:
+                judged = _judged(turns, predicted(turns, trial, params), now.spread, now.loss - 1e-15)
+                if judged is not None:
                     better, damping = (trial, judged), max(damping / 5.0, 1e-9)
                 else:
                     damping *= 4.0
@@ -352,12 +353,15 @@ def residuals(turns: Turns, foretold, spread=None):
     return off, turns.weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2), spread
 
 
-def _judged(turns, foretold, spread):
-    """How likely the turns are, by Student's t, and the normal equations."""
+def _judged(turns, foretold, spread, below=None):
+    """How likely the turns are, by Student's t, and the normal equations; None if the loss is not below a limit."""
     turn, slope = foretold
     off, share, spread = residuals(turns, turn, spread)
+    loss = _loss(turns, off, spread)
+    if below is not None and not loss < below:
+        return None
     weighed = slope * (share / spread**2)[:, None]
-    return _Judged(_loss(turns, off, spread), spread, weighed.T @ off, weighed.T @ slope)
+    return _Judged(loss, spread, weighed.T @ off, weighed.T @ slope)
 
 
 def _loss(turns, off, spread):

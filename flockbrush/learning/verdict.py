@@ -16,7 +16,7 @@ import numpy as np
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, SHORTEST, Battery, BatteryRow, Series, looks_of_run
-from flockbrush.learning.helpers import Helpers
+from flockbrush.learning.helpers import Common, Helpers
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.likelihood import likelihoods, read
 from flockbrush.learning.response import response
@@ -147,6 +147,10 @@ def contend(battery: Battery, name: str, brush, seeds, long_seeds=()) -> Contend
     return Contender(name, rows, lasting)
 
 
+def _contend(battery: Common, *args) -> Contender:
+    return contend(battery.value, *args)
+
+
 def _lasting(battery, rows, runs) -> list[BatteryRow]:
     """The end of long runs against the clip, with wider limits; what changes in the clip may go on changing."""
     found = [settled(battery, run) for run in runs]
@@ -204,16 +208,17 @@ def judge(
     helpers : Helpers, optional
         Processes that do a part of it.
     """
-    battery = Battery.of(clip)
     seeds = [seed + k for k in range(runs)]
     others: dict[str, object] = {**IDLE, RANDOM: random_numbers(brush), **rivals}
+    helpers = helpers or Helpers()
+    battery = helpers.common(Battery.of(clip))
     tasks: list[tuple] = [(battery, name, brush, seeds, seeds[:LONG_RUNS])]
     for other, herd in others.items():
         always = isinstance(herd, bool)
         runs_of_it = [1000 + seed] if always else [1000 + seed + r for r in range(RIVAL_RUNS)]
         tasks.append((battery, other, herd, runs_of_it, [seed] if always else ()))
     found: dict[int, Contender] = {}
-    for k, contender in (helpers or Helpers()).run(contend, tasks):
+    for k, contender in helpers.run(_contend, tasks):
         found[k] = contender
         if say is not None:
             say(len(found) - 1, len(others))

@@ -24,19 +24,16 @@ from flockbrush.runs.builds import build_of_worker
 from flockbrush.runs.cluster import OtherCode, let_go, work_as
 
 KEEP_EVERY = 5.0  # s of work that a program which is killed, or a machine that goes down, may lose
-_shared: dict[str, object] = {}  # what all tasks are given, by name: the last one
+_shared: dict[str, object] = {}  # on a cluster, what all tasks are given, by name: the last one
 
 
 class WorkStopped(Exception):
     """The work was stopped; what was done is kept."""
 
 
-def _work_beside(given_as, given, module, name, arguments):
-    """A task for a process beside this one, with what all tasks are given."""
-    if given_as not in _shared:
-        _shared.clear()
-        _shared[given_as] = given
-    return getattr(importlib.import_module(module), name)(_shared[given_as], **arguments)
+def _work_beside(given, module, name, arguments):
+    """A task for a process beside this one, with what all tasks are given: `Common`."""
+    return getattr(importlib.import_module(module), name)(given.value, **arguments)
 
 
 def _work_elsewhere(given_as, given, module, name, arguments):
@@ -53,7 +50,7 @@ class Workers:
     Parameters
     ----------
     given : object
-        What every task gets as its first argument; with several processes it is sent with each task.
+        What every task gets as its first argument.
     jobs : int or Helpers
         Processes, this one among them.
     signature : str
@@ -75,7 +72,7 @@ class Workers:
         self.given, self.signature, self.stop, self.cluster = given, signature, stop, cluster
         self.own = not isinstance(jobs, Helpers)
         self.helpers: Helpers = Helpers(jobs) if self.own else jobs
-        self.given_as = uuid.uuid4().hex
+        self.common = self.helpers.common(given)
         self.path = Path(path) if path else None
         self.pool: Executor | None = None
         self.known, self.kept = self._read(), time.monotonic()
@@ -149,8 +146,7 @@ class Workers:
                 self._asked_to_stop()
                 yield k, function(self.given, **tasks[k])
             return
-        what = self.given_as, self.given, function.__module__, function.__name__
-        todo = [(*what, tasks[k]) for k in fresh]
+        todo = [(self.common, function.__module__, function.__name__, tasks[k]) for k in fresh]
         for k, result in self.helpers.run(_work_beside, todo, self._asked_to_stop):
             yield fresh[k], result
 

@@ -30,13 +30,13 @@ def films(tmp_path_factory):
 def quick(monkeypatch):
     """A perfect observer and a learner who knows: the rest is as it is."""
     import flockbrush.film.open_clip
+    import flockbrush.learning.helpers
     import flockbrush.learning.learn
     import flockbrush.learning.verdict
-    from flockbrush.learning.helpers import Helpers
 
     monkeypatch.setattr(flockbrush.film.open_clip, "observe", filmed.observe)
     monkeypatch.setattr(flockbrush.learning.learn, "learn", filmed.learn)
-    monkeypatch.setattr(flockbrush.learning.learn, "Helpers", lambda jobs: Helpers(1))  # to pickle nothing
+    monkeypatch.setattr(flockbrush.learning.helpers, "MOST", 1)  # to pickle nothing
     monkeypatch.setattr(flockbrush.learning.learn, "with_other_numbers", lambda *_: [])
     monkeypatch.setattr(flockbrush.learning.learn, "with_other_starts", lambda *_: [])
     monkeypatch.setattr(flockbrush.learning.learn, "shipped", _Few)

@@ -12,14 +12,20 @@ def who_doubles(number):
     return 2 * number, os.getpid()
 
 
+def who_multiplies(common, number):
+    return common.value * number, os.getpid()
+
+
 def refuses(number):
     raise CannotObserve("clip.mp4", f"no animals in {number}", {"animals": number})
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_every_task_is_done_and_numbered(jobs):
+@pytest.mark.parametrize(("jobs", "sent"), [(1, 0), (2, 0), (2, 99)])
+def test_every_task_is_done_and_numbered(jobs, sent):
     with Helpers(jobs) as helpers:
-        found = dict(helpers.run(who_doubles, [(k,) for k in range(12)]))
+        common = helpers.common(2)
+        common.sent = sent  # so often that the process has got it, as far as this one knows
+        found = dict(helpers.run(who_multiplies, [(common, k) for k in range(12)]))
     assert {k: double for k, (double, _) in found.items()} == {k: 2 * k for k in range(12)}
     by = {who for _, who in found.values()}
     assert os.getpid() in by and len(by) <= jobs

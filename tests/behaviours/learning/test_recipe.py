@@ -18,7 +18,7 @@ from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.recipe import USE, SearchSettings, _setting, learn
 from flockbrush.learning.rollout import HerdStart, params_of, rollout, theta_of
 from flockbrush.learning.search_space import Code
-from flockbrush.learning.trials import attempt, forget, keep, simulate
+from flockbrush.learning.trials import OTHER_NUMBERS, attempt, forget, keep, simulate, stayed
 from flockbrush.learning.workers import Workers, WorkStopped
 
 FEW = SearchSettings(seed=1, budget_s=0.5, starts=2, brushes=False)
@@ -159,12 +159,16 @@ def test_evolution_walks_to_the_best_place():
     assert np.array_equal(again.ask(), Evolution(np.full(4, 0.5), 0.15, 8, (1,)).ask())
 
 
+def long_run(given, theta, extras):
+    return stayed([keep(given, theta, extras, 1, factor) for factor in (1.0, *OTHER_NUMBERS)])
+
+
 def test_who_does_not_stay_what_the_clip_is_strays():
     clip, truth = swarm_of_graze(40, 3.0)
     given = _setting((clip,), SearchSettings(speed=truth.speed, body=truth.body))
     sight = {"neighbour_range": truth.params.neighbour_range}
-    theirs = keep(given, theta_of(truth.params).tolist(), sight, 1)
-    aligned = keep(given, [0.5, 0.3, 1.0, 1e-3, 0.1, 0.1, 1.0, 1.0, 1.0, 1e-3, 0.1, 0.1], sight, 1)
+    theirs = long_run(given, theta_of(truth.params).tolist(), sight)
+    aligned = long_run(given, [0.5, 0.3, 1.0, 1e-3, 0.1, 0.1, 1.0, 1.0, 1.0, 1e-3, 0.1, 0.1], sight)
     assert set(theirs["figures"]) == {"as many", "0.25 times as many", "4 times as many"}
     assert theirs["score"] < 3.0 and aligned["score"] > 2 * theirs["score"]
 
@@ -174,7 +178,7 @@ def test_herds_from_a_photograph_are_asked_whether_they_stay_as_dense(clip):
     still = dataclasses.replace(clip.fields, velocity=nobody_moves, speed=nobody_moves[..., 0])
     truth, photo = swarm_of_graze()[1], dataclasses.replace(clip, fields=still, sightings=None)
     given = _setting((photo,), SearchSettings(speed=truth.speed, body=truth.body))
-    found = keep(given, theta_of(truth.params).tolist(), {}, 1)
+    found = long_run(given, theta_of(truth.params).tolist(), {})
     assert np.isfinite(found["score"]) and set(found["figures"]) == {"as many"}
 
 
