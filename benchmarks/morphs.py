@@ -36,7 +36,7 @@ def shipped_paths():
 WAYS = ("path", "straight line")
 
 
-def judged(start, end, path, trial, swept_herds, ways=WAYS, first=FIRST):
+def judged(start, end, path, trial, swept_herds, ways=WAYS, first=FIRST, sweep_all=False):
     """What herds do at the steps of paint on a path, if there is one, and on the straight line: `Measured`, and words.
 
     The words say whether the way is even or bistable.
@@ -50,10 +50,12 @@ def judged(start, end, path, trial, swept_herds, ways=WAYS, first=FIRST):
         def at(share, w=way):
             return mixed(start, end, share, w)
 
-        seen, words = measured(at, shares, trial, first), "even"
-        if faults(seen):
+        seen = measured(at, shares, trial, first)
+        words = "uneven" if (wrong := faults(seen)) else "even"
+        if wrong or sweep_all:
             swept = sweep(at, shares, replace(trial, seeds=swept_herds), first)
-            words = verdict(swept) if swept.hysteresis else "uneven"
+            if swept.hysteresis or sweep_all:
+                words = verdict(swept) if swept.hysteresis else f"{words}; {verdict(swept)}"
         found[name] = seen, words
     return found
 
@@ -76,6 +78,7 @@ def main():
     parser.add_argument("--first", type=int, default=FIRST, help="first seed")
     parser.add_argument("--animals", type=int, nargs="+", default=[100, 400])
     parser.add_argument("--swept", type=int, default=16, help="herds that are swept along a way that is not even")
+    parser.add_argument("--sweep-all", action="store_true", help="sweep herds along even ways, too")
     parser.add_argument("--seconds", type=float, default=20.0, help="of pairs without a path")
     parser.add_argument("--begin", choices=BEGINNINGS, default="random", help="of pairs without a path")
     parser.add_argument("--way", choices=WAYS, nargs="+", default=WAYS, help="both unless told")
@@ -86,14 +89,16 @@ def main():
         pairs = {name: brushes_of(name) for name in told.paths or paths}
     except ValueError as error:
         parser.error(str(error))
-    print(f"{told.seeds} seeds from {told.first} on, {told.swept} herds swept where a way is not even")
+    where = "" if told.sweep_all else " where a way is not even"
+    print(f"{told.seeds} seeds from {told.first} on, {told.swept} herds swept{where}")
     print(f"{'pair':<22} animals  begin    s    way            largest step  largest deviation  goes back  verdict")
     for name, (start, end) in pairs.items():
         path = paths.get(name)
         begin, seconds = (path.begin, path.seconds) if path else (told.begin, told.seconds)
         for animals in told.animals:
             trial = Trial(animals, told.seeds, seconds=seconds, begin=begin)
-            for way, (seen, words) in judged(start, end, path, trial, told.swept, told.way, told.first).items():
+            ways = judged(start, end, path, trial, told.swept, told.way, told.first, told.sweep_all)
+            for way, (seen, words) in ways.items():
                 back = goes_back(seen)[0].max()
                 step = np.abs(np.diff(seen.mean, axis=0)).max()
                 print(
