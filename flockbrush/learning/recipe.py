@@ -5,17 +5,16 @@
    fields alone and photographs, draws that are only tried: a descent on fields gains little.
 3. **Descent** of each: on the turns of single animals where they are told apart (`flockbrush.learning.turns`), else on
    the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).  The best fits to turns wander so much that
-   herds, observed as the clip is, scatter about what forces say as its animals do, or turn as fast as these.
+   herds, observed as the clip is, scatter about what forces say as its animals do.
 4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
-   (`flockbrush.learning.scores`; of single animals by the limits of `flockbrush.learning.battery`, too).  The better
-   half (of draws a sixth) are run well beyond, so that a mill must keep milling and not only begin as one; of single
-   animals by the verdict itself (`flockbrush.learning.trials.likeness`): all frames, and 20 s more.
-5. **Evolution** of the best on these last trials, which also sets what the equations of the paper leave out: wander,
-   how fast animals can turn and how fast they answer.  It begins with changes that leave the turns as likely as they
-   are.
-6. The choice among the best and the evolved: on the same with other random numbers, and on the last part of the frames,
-   which no descent was shown (nor an evolution on fields); and of the first of these, whether they stay what the clip
-   is for 20 s more, and with a quarter and four times as many animals.
+   (`flockbrush.learning.scores`; of single animals by the limits of `flockbrush.learning.battery`, too): once as far
+   as the clip goes, and the better half (of draws a sixth) well beyond, so that a mill must keep milling and not only
+   begin as one.
+5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
+   fast animals can turn and how fast they answer.  It begins with changes that leave the turns as likely as they are.
+6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
+   shown; and of the first of these, whether they stay what the clip is for 20 s more, and with a quarter and four
+   times as many animals.
 
 Work is counted in animals times ticks, never by the clock, and chance comes from seeds: the same evidence, seed and
 versions give the same brush, with any number of processes, in one go or taken up again.
@@ -43,13 +42,16 @@ from flockbrush.learning.interaction import idle_ones
 from flockbrush.learning.learned_parameters import Attempt, Learned, forces_of, told_of
 from flockbrush.learning.rollout import DT, params_of
 from flockbrush.learning.search_space import Code, begins, rescaled, turn_limits
-from flockbrush.learning.trial_costs import cost_of_keeping, cost_of_limits, cost_of_trial
 from flockbrush.learning.trials import (
+    BEYOND,
     COARSE_DT,
     FEWEST,
-    LIMIT,
     MANY,
+    MOST_WANDER,
+    OTHER_NUMBERS,
     SPAN,
+    STAY,
+    TOO_MANY,
     USE,
     SearchSettings,
     Setting,
@@ -59,12 +61,10 @@ from flockbrush.learning.trials import (
     forget,
     interaction,
     keep,
-    likeness,
     means_of,
     scored,
     squares,
     stiffness,
-    tells_limits,
     trial,
     wandering,
 )
@@ -74,11 +74,13 @@ from flockbrush.runs.cluster import Cluster
 
 HELD = 0.3  # of the frames, at the end, are held back until the choice
 RATE = 280_000  # animal ticks that count as a second
+ALWAYS = 100  # animals whose work a tick costs besides
 GENERATION = 8  # candidates
 STEP, WIDE_STEP = 0.1, 0.12  # of an evolution where turns say nothing; where fields alone say how animals turn
 DRAWS, QUICK_DRAWS, TWICE = 192, 32, 9  # random ones that are tried where a descent has only fields; most, tried again
 ONE_OF, ONE_OF_DRAWS = 2, 6  # of so many, one is tried to the end
 CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
+WANDERING = 1.0, 1.6  # factors of the wander that gives the usual scatter: rare large turns need more
 FINALISTS, QUICK_FINALISTS = 4, 3
 KEEPERS = 3  # candidates, re-run for 20 s to test stability
 KEEPING = 0.2  # of the choice
@@ -163,13 +165,12 @@ class _Search:
 
     def __init__(self, given, settings, say):
         self.given, self.seed, self.say = given, settings.seed, say
-        self.quick, self.by_limits = settings.quick, False  # by the limits of the verdict, where the clips tell them
+        self.quick = settings.quick
         self.by_fields = any(not followed(clip) for clip in given.clips)
         self.attempts: list[Attempt] = []
         self.deviation: dict[int, np.ndarray] = {}
         self.correlation: dict[int, np.ndarray] = {}
         self.budget = settings.budget_s * RATE
-        self.cost, self.cost_of_limits = cost_of_trial(given), cost_of_limits(given)
         if settings.begins is None:
             draws = (QUICK_DRAWS if self.quick else DRAWS) if self.by_fields else 0
             self.begins = begins(settings.seed, settings.starts, "angular" in given.use, settings.brushes, draws)
@@ -179,9 +180,29 @@ class _Search:
         self.interrupted, self.notes = False, []
         self.idle: list[str] = []  # attempts that were left out, since their animals hardly interact
 
+    @property
+    def cost(self):
+        """Animal ticks of one trial with one seed."""
+        total = 0.0
+        for clip in self.given.clips:
+            length = len(clip.fields) / clip.fps
+            animals = ALWAYS + float(np.nanmax(clip.fields.count, initial=1.0))
+            total += animals * (length + float(np.clip(4.0 * length, *BEYOND))) / DT
+        return max(total, 1.0)
+
+    @property
+    def cost_of_keeping(self):
+        """Animal ticks of one `keep`."""
+        total = 0.0
+        for clip in self.given.clips:
+            if clip.fields.holds_all:
+                animals = float(np.nanmax(clip.fields.count, initial=1.0))
+                herds = [animals, *(f * animals for f in OTHER_NUMBERS if f * animals <= TOO_MANY)]
+                total += sum(ALWAYS + herd for herd in herds) * STAY / DT
+        return total
+
     def run(self, workers):
         """All of it."""
-        self.by_limits = not self.quick and tells_limits(self.given)
         self._descend(workers)
         self._sift(workers)
         self._evolve(workers)
@@ -236,13 +257,13 @@ class _Search:
         self._wander(workers, [*(k for k in fitted if self.attempts[k].loss[-1] < best_loss + CLEARLY), *made])
 
     def _wander(self, workers, which):
-        """These, wandering so much that turns scatter as in the clip, or that animals turn as much, and between."""
+        """These, wandering so much that herds scatter as the animals of the clip do."""
         seed, parents = _seed(self.seed, 7, 0), [self.attempts[k] for k in which]
         tasks = [{"theta": a.theta.tolist(), "extras": a.extras, "seed": seed} for a in parents]
         for k, parent, found in zip(which, parents, workers.map(wandering, tasks), strict=True):
-            for wander in found["wander"]:
-                extras = parent.extras | {"wander": wander}
-                new = dataclasses.replace(parent, name=f"{parent.name}, wandering {wander:.2g}", extras=extras)
+            for factor in WANDERING if 0.0 < found["wander"] < MOST_WANDER else ():
+                extras = parent.extras | {"wander": factor * found["wander"]}
+                new = dataclasses.replace(parent, name=f"{parent.name}, wandering {factor:g}", extras=extras)
                 self._add(new, self.deviation.get(k), self.correlation.get(k))
 
     def _add_found(self, attempt, found):
@@ -281,29 +302,13 @@ class _Search:
             self.attempts[k].score, self.attempts[k].figures = result["score"], result["figures"]
         return np.array([self.attempts[k].score for k in which])
 
-    def _judge_seen(self, workers, which, seeds, text, over=None, dt=COARSE_DT):
-        return self._judge(workers, which, seeds, False, text, over, dt)
-
-    def _liken(self, workers, which, seeds, text, over=None, dt=None):
-        """Compare some attempts with the clips by the limits of the verdict; how far they are off, as scores."""
-        shown, total = over or (0, len(which))
-        told = lambda done: self.say(shown + done // len(seeds), total, self._best_score(), text)  # noqa: E731
-        tasks = [self._numbers(k) | {"seed": seed} for k in which for seed in seeds]
-        found = workers.map(likeness, tasks, told)
-        self.budget -= self.cost_of_limits * len(tasks)
-        for at, k in enumerate(which):
-            parts = found[at * len(seeds) : (at + 1) * len(seeds)]
-            self.attempts[k].score = LIMIT * float(np.mean([part["limits"] for part in parts]))
-            self.attempts[k].figures = means_of([part["far"] for part in parts])
-        return np.array([self.attempts[k].score for k in which])
-
-    def _numbers(self, k):
-        a = self.attempts[k]
-        return {"theta": np.round(a.theta, 12).tolist(), "extras": a.extras}
-
     def _trial(self, k, seed, held, lasting, dt=COARSE_DT, begin=0):
         """The task of one `trial`."""
-        return self._numbers(k) | {"seed": seed, "held": held, "lasting": lasting, "dt": dt, "begin": begin}
+        a = self.attempts[k]
+        return {
+            "theta": np.round(a.theta, 12).tolist(), "extras": a.extras, "seed": seed, "held": held,
+            "lasting": lasting, "dt": dt, "begin": begin,
+        }  # fmt: skip
 
     def _best_score(self):
         scores = [a.score for a in self.attempts if np.isfinite(a.score)]
@@ -318,12 +323,11 @@ class _Search:
         one_of = ONE_OF_DRAWS if self.by_fields else ONE_OF
         many, some = max(4, min(TWICE, len(which) // 3)), max(4, -(-len(which) // one_of))
         kept = [which[k] for k in np.argsort(far, kind="stable")[:some]]
-        judge = self._liken if self.by_limits else self._judge_seen
-        scores = judge(workers, kept, [seed], "trials")
+        scores = self._judge(workers, kept, [seed], False, "trials")
         self.budget -= self.cost * (len(which) - len(kept)) * ONE_OF / one_of * DT / COARSE_DT  # as if tried to the end
         better = [kept[k] for k in np.argsort(scores, kind="stable")[:many]]
-        again = [_seed(self.seed, 2, k) for k in ((1, 2) if self.by_limits else (0, 1, 2))]
-        judge(workers, better, again, "trials of the best candidates")
+        again = [_seed(self.seed, 2, k) for k in (0, 1, 2)]
+        self._judge(workers, better, again, False, "trials of the best candidates")
         self.ranked = sorted(better, key=lambda k: self.attempts[k].score)
 
     def _distinct(self):
@@ -340,14 +344,12 @@ class _Search:
 
     def _evolve(self, workers):
         """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
-        parents = self.ranked[: 1 if self.by_fields or self.by_limits else 2]  # what has far to go goes alone
+        parents = self.ranked[: 1 if self.by_fields else 2]  # a draw is farther from where it leads to
         finalists, dt = self._finals
-        staying = 0.0 if self.quick else cost_of_keeping(self.given) * KEEPERS
-        held = self.cost * DT / dt
-        each = held + 3 * self.cost_of_limits if self.by_limits else 6 * held
-        choice = each * (finalists + 2 * len(parents))
-        work = GENERATION * (self.cost_of_limits if self.by_limits else self.cost * DT / COARSE_DT) * len(parents)
-        generations = int((self.budget - choice - staying) / work)
+        staying = 0.0 if self.quick else self.cost_of_keeping * KEEPERS
+        choice = self.cost * 2 * 3 * (finalists + 2 * len(parents)) * DT / dt + staying
+        work = self.cost * GENERATION * DT / COARSE_DT * len(parents)
+        generations = int((self.budget - choice) / work)
         for number, parent in enumerate(parents):
             if generations >= 2:
                 self._evolve_one(workers, parent, generations, number, len(parents))
@@ -362,31 +364,23 @@ class _Search:
         worths, best = [begin.score], None
         for g in range(generations):
             asked = cloud.ask()
-            found = self._worths(workers, [code.read(numbers) for numbers in asked], g)
-            cloud.tell(found)
-            first = int(np.argmin(found))
-            if best is None or found[first] < best[0]:
-                best = found[first], asked[first]
-            worths.append(found[first])
+            tasks = [
+                {"theta": theta, "extras": extras, "seeds": [_seed(self.seed, 4, g)], "held": False, "begin": g}
+                for theta, extras in map(code.read, asked)
+            ]
+            results = workers.map(attempt, tasks)
+            self.budget -= self.cost * len(tasks) * DT / COARSE_DT
+            cloud.tell([r["score"] for r in results])
+            first = int(np.argmin([r["score"] for r in results]))
+            if best is None or results[first]["score"] < best[0]:
+                best = results[first]["score"], asked[first]
+            worths.append(results[first]["score"])
             done = number * generations + g + 1
             self.say(done, many * generations, float(min(worths)), "evolution")
         for text, numbers in (("evolved", np.clip(cloud.mean, 0, 1)), ("evolved, luckiest", best[1])):
             theta, extras = code.read(numbers)
             curve = np.array(worths)
             self._add(Attempt(f"{begin.name}, {text}", begin.seed, begin.first_theta, np.array(theta), extras, curve))
-
-    def _worths(self, workers, candidates, generation):
-        """How far herds with these numbers are from the clips, in an evolution."""
-        seed = _seed(self.seed, 4, generation)
-        if self.by_limits:
-            return self._limits_off(workers, candidates, seed)
-        tasks = [{"theta": t, "extras": e, "seeds": [seed], "held": False, "begin": generation} for t, e in candidates]
-        return [found["score"] for found in workers.map(attempt, tasks)]
-
-    def _limits_off(self, workers, candidates, seed):
-        """How many limits of the verdict they are off, in deviations of the clips."""
-        tasks = [{"theta": np.round(t, 12).tolist(), "extras": e, "seed": seed} for t, e in candidates]
-        return [LIMIT * found["limits"] for found in workers.map(likeness, tasks)]
 
     @property
     def _finals(self):
@@ -399,10 +393,8 @@ class _Search:
         finalists, dt = self._finals
         final = [*self.ranked[:finalists], *self._interacting(workers, evolved)]
         seeds = [_seed(self.seed, 5, k) for k in range(3)]
-        judge = self._liken if self.by_limits else self._judge_seen
-        shown = judge(workers, final, seeds, "choice", (0, 2 * len(final)), dt)
-        few, halfway = seeds[:1] if self.by_limits else seeds, (len(final), 2 * len(final))
-        held = self._judge(workers, final, few, True, "choice", halfway, dt)
+        shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)), dt)
+        held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)), dt)
         scores = {k: float(np.sqrt(0.5 * a**2 + 0.5 * b**2)) for k, a, b in zip(final, shown, held, strict=True)}
         for k in final:
             self.attempts[k].score = scores[k]
@@ -413,7 +405,9 @@ class _Search:
         """Those that answer to their neighbours, where the clip shows that its animals do."""
         fits = list(self.deviation)
         asked = list(dict.fromkeys([*fits, *which])) if fits else []
-        tasks = [self._numbers(k) for k in asked]
+        tasks = [
+            {"theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras} for k in asked
+        ]
         found = dict(zip(asked, workers.map(interaction, tasks), strict=True))
         idle = idle_ones([found[k] for k in fits], [found.get(k, {}) for k in which])
         self.idle += [self.attempts[k].name for k, alone in zip(which, idle, strict=True) if alone]
@@ -421,7 +415,13 @@ class _Search:
 
     def _keepers(self, workers, final):
         """Re-run these candidates for longer, and return them in order of merit with the results."""
-        tasks = [self._numbers(k) | {"seed": _seed(self.seed, 6, 0)} for k in final]
+        tasks = [
+            {
+                "theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras,
+                "seed": _seed(self.seed, 6, 0),
+            }
+            for k in final
+        ]  # fmt: skip
         results = workers.map(keep, tasks, lambda done: self.say(done, len(final), self._best_score(), "staying"))
         for k, result in zip(final, results, strict=True):
             self.attempts[k].staying = result["score"]

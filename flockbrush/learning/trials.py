@@ -23,8 +23,6 @@ from flockbrush.learning.interaction import interaction_of
 from flockbrush.learning.response import SPAN, response, scatters, turns_seen
 from flockbrush.learning.rollout import DT, Surroundings, params_of, rollout, theta_of
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
-from flockbrush.learning.simulate import simulated
-from flockbrush.learning.verdict import ALONE, alone, lasting_rows
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
 WHERE_DENSITY_COUNTS = (
@@ -45,10 +43,8 @@ DESCENT = 120  # steps on fields
 FEW, MANY = 3000, 12_000  # turns that a descent looks at, first and last
 LONG_SPAN = 0.2  # s over which a turn is taken in first fits: less disturbed by noise than `SPAN`
 OFF = "of its limit, "  # before the name of a measure of the battery: how many limits a herd is off
-BESIDE = 2  # herds beside a clip in a comparison by the limits of the verdict
 LIMIT = 2.0  # deviations that count as much as a limit of the battery
-MOST_WANDER = 2.5  # rad/√s
-NEAR, SAME = 1.6, 0.1  # factor by which rates of turning may change wander; share of it below which nothing is changed
+MOST_WANDER, WANDERS = 2.5, 1.5  # rad/√s; s of a herd by which it is found
 COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of a level
 STAY = 20.0  # s
 OTHER_NUMBERS = 0.25, 4.0  # factors of the number of animals
@@ -167,42 +163,28 @@ def _descend_on_turns(given, theta, extras, rows, span):
 
 
 def wandering(given: Setting, theta, extras, seed):
-    """{wander}, values to try, rad/√s: the first turns herds as much about what these forces say as the clips' animals.
+    """{wander}, rad/√s, by which turns scatter about what these forces say as those of the clips do.
 
-    The last makes them turn as fast as these over the time that the battery looks at, as far as that is near the first;
-    between them is their mean.  Two herds are observed as the clips are, one that does not wander and one that does:
-    the variance of turns grows with the square of wander.  Ticks are those of a level: longer ones turn aligned animals
-    too much.
+    Two herds are observed as the clips are, one that does not wander and one that does: the variance of turns grows
+    with the square of wander.
     """
+    parts = [clip.part(slice(0, round(WANDERS * clip.fps) + 1)) for clip in given.seen]
 
     def variances(wander):
-        brush, found = given.brush(theta, extras | {"wander": wander}), []
-        for k, clip in enumerate(given.seen):
-            run = simulate(clip, brush.params, given.speed, given.body, brush.vision, [seed, k, 3])
-            pair = scatters(clip, brush, run)
-            if pair is not None:
-                found.append((pair, _turning(clip, run)))
-        return np.mean(np.square(found), axis=0) if found else np.zeros((2, 2))
+        brush, pairs = given.brush(theta, extras | {"wander": wander}), []
+        for k, clip in enumerate(parts):
+            run = simulate(clip, brush.params, given.speed, given.body, brush.vision, [seed, k, 3], dt=COARSE_DT)
+            pairs.append(scatters(clip, brush, run))
+        known = [pair for pair in pairs if pair is not None]
+        return np.mean(np.square(known), axis=0) if known else np.zeros(2)
 
-    (clip, still), (turned, slow) = variances(0.0)
+    clip, still = variances(0.0)
     if still >= clip:
-        return {"wander": []}
+        return {"wander": 0.0}
     first = min(float(np.sqrt((clip - still) / SPAN)), MOST_WANDER)
-    (clip, moved), (turned, fast) = variances(first)
-    scatter = float(first * np.sqrt(max(clip - still, 0.0) / max(moved - still, 1e-9)))
-    if not 0.0 < scatter < MOST_WANDER:
-        return {"wander": []}
-    grown = max(turned - slow, 0.0) / (fast - slow) if fast > slow else (scatter / first) ** 2  # wander may not matter
-    turning = min(float(np.clip(first * np.sqrt(grown), scatter / NEAR, scatter * NEAR)), MOST_WANDER)
-    between = float(np.sqrt(scatter * turning))
-    return {"wander": [scatter] if abs(turning - scatter) < SAME * scatter else [scatter, between, turning]}
-
-
-def _turning(clip, run):
-    """Mean rate of turning of a clip and of a run, rad/s, as the battery takes it; zeros where it takes none."""
-    battery = _battery(clip)
-    value = battery.values.get("turning") if battery is not None else None
-    return (0.0, 0.0) if value is None else (float(value.mean()), float(battery.measured(run)["turning"].mean()))
+    clip, moved = variances(first)
+    grown = max(clip - still, 0.0) / max(moved - still, 1e-9)
+    return {"wander": float(min(first * np.sqrt(grown), MOST_WANDER))}
 
 
 def stiffness(given: Setting, theta, extras) -> np.ndarray | None:
@@ -348,52 +330,14 @@ def _run(given, clip, theta, extras, seed, frame, seconds, looks, dt):
 
 def _of_limits(given, clip, theta, extras, run):
     """How many limits of the battery a run is off by measure, where animals are followed for long enough."""
-    battery = _battery(clip)
-    if battery is None:
-        return {}
-    brush = given.brush(theta, extras)
-    rows = battery.compared([battery.measured(run)]) + response(clip, brush, [run], lambda: _turns_seen(clip, brush))
-    return {OFF + name: far for name, far in _not_ignored(given, {row.name: row.far for row in rows}).items()}
-
-
-def _battery(clip):
-    """The `Battery` of a clip; None where animals are not followed for long enough."""
     if not followed(clip) or len(clip.fields) < SHORTEST * clip.fps:
-        return None
-    return _kept(("battery",), clip, lambda: Battery.of(clip))
-
-
-def likeness(given: Setting, theta, extras, seed):
-    """{limits, far}: how many limits of the verdict herds are off all frames of the clips, together and by measure.
-
-    They begin as the clips begin, `BESIDE` of them, and one goes on from the end for as long as the verdict asks.
-    """
-    brush, found = given.brush(theta, extras), []
-    for clip in given.clips:
-        battery = _battery(clip)
-        runs = [simulated(clip, brush, seed + k, True) for k in range(BESIDE)]
-        rows = battery.compared([battery.measured(run) for run in runs]) + response(
-            clip, brush, runs, lambda clip=clip: _turns_seen(clip, brush)
-        )
-        far = {row.name: row.far for row in rows}
-        if clip.fields.holds_all:
-            after = lasting_rows(battery, rows, [alone(clip, brush, seed, COARSE_DT)])
-            far |= {f"{row.name} after {ALONE:g} s": row.far for row in after if row.name not in given.ignore}
-        found.append({OFF + name: min(value, LOST) for name, value in _not_ignored(given, far).items()})
-    far = means_of(found)
-    return {"limits": float(np.cbrt(np.mean(np.power(list(far.values()), 3.0)))), "far": far}  # no measure far off
-
-
-def tells_limits(given: Setting) -> bool:
-    """Whether `likeness` can be asked of the clips."""
-    return all(_battery(clip) is not None for clip in given.clips)
-
-
-def _turns_seen(clip, brush):
-    """The turns of a clip that the verdict looks at, as animals with the sight of this brush see it."""
+        return {}
+    brush, battery = given.brush(theta, extras), _kept(("battery",), clip, lambda: Battery.of(clip))
     params = brush.params
     sight = "turns", params.neighbour_range, params.leader_neighbours, params.leader_cone
-    return _kept(sight, clip, lambda: turns_seen(clip, clip.sightings, brush))
+    own = lambda: _kept(sight, clip, lambda: turns_seen(clip, clip.sightings, brush))  # noqa: E731
+    rows = battery.compared([battery.measured(run)]) + response(clip, brush, [run], own)
+    return {OFF + name: far for name, far in _not_ignored(given, {row.name: row.far for row in rows}).items()}
 
 
 def _not_ignored(given, parts):

@@ -20,7 +20,7 @@ from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.likelihood import likelihoods, read
 from flockbrush.learning.response import response
-from flockbrush.learning.rollout import DT, NAMES, Run, rollout
+from flockbrush.learning.rollout import NAMES, Run, rollout
 from flockbrush.learning.simulate import shaken, simulated
 
 RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 2
@@ -92,14 +92,13 @@ def idle(clip: Evidence, seed=0, moving=False, frame=0, seconds=None, fps=None) 
 IDLE = {STILL: False, ONWARDS: True}
 
 
-def alone(clip: Evidence, brush, seed=0, dt=DT) -> Run:
+def alone(clip: Evidence, brush, seed=0) -> Run:
     """A herd that begins as the clip ends and is left alone on a plane."""
     last = len(clip.fields) - 1
     if isinstance(brush, bool):
         return idle(clip, seed, brush, last, ALONE, FPS)
     start = shaken(start_of(clip, last, seed, brush.body), clip, seed)
-    told = brush.params, brush.speed, brush.body, brush.vision
-    return rollout(start, *told, seconds=ALONE, fps=FPS, seed=seed, dt=dt)
+    return rollout(start, brush.params, brush.speed, brush.body, brush.vision, seconds=ALONE, fps=FPS, seed=seed)
 
 
 def random_numbers(brush, seed=1):
@@ -144,11 +143,11 @@ def contend(battery: Battery, name: str, brush, seeds, long_seeds=()) -> Contend
         rows = battery.compared([battery.measured(run) for run in runs]) + response(clip, brush, runs)
     lasting = []
     if clip.fields.holds_all and len(long_seeds):
-        lasting = lasting_rows(battery, rows, [alone(clip, brush, s) for s in long_seeds])
+        lasting = _lasting(battery, rows, [alone(clip, brush, s) for s in long_seeds])
     return Contender(name, rows, lasting)
 
 
-def lasting_rows(battery: Battery, rows: list[BatteryRow], runs: list[Run]) -> list[BatteryRow]:
+def _lasting(battery, rows, runs) -> list[BatteryRow]:
     """The end of long runs against the clip, with wider limits; what changes in the clip may go on changing."""
     found = [settled(battery, run) for run in runs]
     growth = battery.series.growth if "growth" in battery.values else 0.0
