@@ -46,7 +46,7 @@ def interaction_of(turns: Turns, theta, extras, overlap=1.0) -> Interaction:
     gain = likelihood(few, with_forces) - likelihood(few, without)
     share = few.weight / max(few.weight.sum(), 1e-12)
     independent = min(len(few.rows), len(turns.rows) / max(overlap, 1.0))
-    return Interaction(float(share @ np.abs(with_forces[0] - without[0])), 2.0 * independent * gain)
+    return Interaction(float((share * np.abs(with_forces[0] - without[0])).sum()), 2.0 * independent * gain)
 
 
 def idle_ones(fits: Sequence[Mapping[str, float]], herds: Sequence[Mapping[str, float]]) -> list[bool]:

@@ -22,6 +22,7 @@ from flockbrush.behaviours.brush import VisionSpec
 from flockbrush.engine.plugins import load_entry_points, load_modules
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.next_step import NextSteps, mean_score
+from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.turns import FREEDOM, Turns, thinned
 
 FEW, MANY = 300, 1000  # turns that a search looks at, first and last
@@ -179,7 +180,7 @@ class Slopes:
         for _ in range(steps):
             slopes, was = self.slopes(x, off), score
             share = weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
-            system, pull = (slopes * share[:, None]).T @ slopes, slopes.T @ (share * off)
+            pull, system = normal_equations(slopes, share, off)
             scale = np.diag(system) + 1e-9 * max(float(np.diag(system).max()), 1e-30)
             while damping < MOST_DAMPING:
                 trial = np.clip(x + np.linalg.solve(system + np.diag(damping * scale), pull), 0.0, 1.0)

@@ -17,6 +17,7 @@ from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.learned_parameters import Attempt, Learned
 from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, read, scales_of
+from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import LEAST, MOST, NAMES, theta_of
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.turns import FREEDOM, cramer_rao
@@ -91,7 +92,7 @@ def _chance(params, wander):
 def _information(slopes, off, spread, weight):
     """(d, d) Fisher information of the numbers."""
     share = weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2) / spread**2
-    return (slopes * share[:, None]).T @ slopes
+    return normal_equations(slopes, share, off)[1]
 
 
 def _as_learned(kind: Likelihood, params, vision, clips, x, information, deviation, told, start) -> Learned:

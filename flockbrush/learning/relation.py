@@ -24,6 +24,7 @@ from flockbrush.engine.files import refused
 from flockbrush.film.open_clip import Looking, read_tracks_of
 from flockbrush.film.track_evidence import evidence_of_tracks
 from flockbrush.film.track_files import Trajectories
+from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.runs.terminal import print_json, print_line, say
 
 SPAN = 0.5  # s over which a turn is taken
@@ -210,8 +211,8 @@ def _least(columns, turn):
     """(weights, negative logarithm of the likelihood a turn) by reweighted least squares, Student's t."""
     weight = np.ones(len(turn))
     for _ in range(5):
-        side = columns * weight[:, None]
-        found = np.linalg.solve(side.T @ columns + 1e-9 * np.eye(3), side.T @ turn)
+        pull, information = normal_equations(columns, weight, turn)
+        found = np.linalg.solve(information + 1e-9 * np.eye(3), pull)
         off = turn - columns @ found
         spread = max(float(np.sqrt((weight * off**2).sum() / len(turn))), 1e-9)
         weight = (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)

@@ -26,6 +26,7 @@ from flockbrush.film.missing_animals import trust
 from flockbrush.film.observations import Evidence, Sightings
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, BatteryRow, same_animals, seen_run
 from flockbrush.learning.herd_views import told_apart
+from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import Run, theta_of
 from flockbrush.learning.turns import Turns, predicted, residuals, turns_of
 
@@ -123,11 +124,10 @@ def _answer(seen, brush, turns):
     by_forces = foretold[0] - predicted(turns, alone, brush.params, False)[0]
     off, share, scatter = residuals(turns, foretold[0])
     weight = share / share.sum()
-    slope = foretold[1][:, :FORCES]
-    weighed = slope * weight[:, None]
+    pull, information = normal_equations(foretold[1][:, :FORCES], weight, off)
     trusted = trust(seen.neighbours_seen)
     number = len(turns.rows) * trusted.mean() ** 2 / (trusted**2).mean()
-    return Answer(weighed.T @ slope, weighed.T @ off, scatter, float(np.sqrt(weight @ by_forces**2)), number)
+    return Answer(information, pull, scatter, float(np.sqrt((weight * by_forces**2).sum())), number)
 
 
 def _seen(run, clip):

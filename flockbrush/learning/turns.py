@@ -24,6 +24,7 @@ import numpy as np
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.engine.parallel import over_rows
 from flockbrush.film.missing_animals import trust
+from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.perceive import Percept, half_and_radius, perceive, together
 from flockbrush.learning.rollout import BODY, DT, LEAST, MOST, VISION, Walls, theta_of
 from flockbrush.learning.turn_kernels import TurnLaw, is_inside, room_kernel, turn_kernel
@@ -360,8 +361,7 @@ def _judged(turns, foretold, spread, below=None):
     loss = _loss(turns, off, spread)
     if below is not None and not loss < below:
         return None
-    weighed = slope * (share / spread**2)[:, None]
-    return _Judged(loss, spread, weighed.T @ off, weighed.T @ slope)
+    return _Judged(loss, spread, *normal_equations(slope, share / spread**2, off))
 
 
 def _loss(turns, off, spread):

@@ -7,6 +7,7 @@ from flockbrush.behaviours.models.herd import Params
 
 from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import evidence_of_truth
+from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.perceive import perceive
 from flockbrush.learning.rollout import Walls, theta_of
 from flockbrush.learning.turn_kernels import _limited
@@ -37,6 +38,14 @@ def some_turns(seed, ticks, n=40, side=7.0, walls=None, radius=0.0):
     velocity, spin = rng.normal(0, 1, (n, 2)), rng.normal(0, 1, n)
     rows = np.arange(n)
     return Turns(percept, velocity, spin, rows, np.full(n, ticks), np.zeros(n), np.ones(n), 0.3, radius)
+
+
+def test_normal_equations_are_products_of_matrices():
+    chance = np.random.default_rng(3)
+    slopes, share, off = chance.normal(size=(400, 12)), chance.uniform(size=400), chance.normal(size=400)
+    pull, information = normal_equations(slopes[:, :9], share, off)
+    assert np.allclose(information, (slopes[:, :9] * share[:, None]).T @ slopes[:, :9])
+    assert np.allclose(pull, slopes[:, :9].T @ (share * off))
 
 
 @pytest.mark.parametrize("ticks", [1.0, 1.28, 3.0])
