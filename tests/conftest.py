@@ -73,12 +73,6 @@ def _without_herds(path):
     return path.name in FILMS or (path.parent.name in WITHOUT_HERDS and path.name not in WITH_HERDS)
 
 
-@pytest.hookimpl(optionalhook=True, tryfirst=True)
-def pytest_xdist_auto_num_workers(config):
-    """One process more than cores: tests of windows, clusters and other programs wait for these a tenth of the time."""
-    return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else None
-
-
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
     """The tests of a file go to one process: herds are set up once.  The first process begins with the first file, the
