@@ -35,11 +35,15 @@ class Spec(BaseModel):
 class FileSpec(Spec):
     """What a file of its own holds.  The file goes along as it is, until something is changed."""
 
+    name: str
     _source: bytes | None = PrivateAttr(None)
 
     @property
     def source(self) -> bytes:
-        """The file it was read from, or the file it would be saved as: what a recording embeds."""
+        """The file it was read from, or the file it would be saved as: what a recording embeds.
+
+        ValueError for a changed species: it has neither.
+        """
         if self._source is None:
             self._source = self._as_file().encode()
         return self._source
@@ -56,7 +60,7 @@ class FileSpec(Spec):
         return copy
 
     def _as_file(self) -> str:
-        raise NotImplementedError(f"a {type(self).__name__} comes from a file and is not changed in Python")
+        raise ValueError(f"{self.name} was changed in Python and has no file: write one, and load that")
 
 
 def spec_field(default, text: str, unit: str = "", **bounds):

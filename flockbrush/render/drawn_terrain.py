@@ -120,9 +120,9 @@ class TerrainSketch:
         blocks = np.array([blocking for _, _, blocking in kinds])
         lead = self._wall_lead(kinds, start, sharp)
         for group, ahead in ((blocks, lead), (~blocks, -lead)):
-            mine = [shares[k] for k in np.flatnonzero(group)]  # the best has 1, or falls behind by its distance
-            best, room = functools.reduce(np.maximum, mine, np.float32(0)), np.minimum(1 + ahead, 1)  # from the wall
-            for share in mine:
+            mine = [shares[k] for k in np.flatnonzero(group)]
+            best, room = functools.reduce(np.maximum, mine, np.float32(0)), np.minimum(1 + ahead, 1)
+            for share in mine:  # the best has 1, or falls behind by its distance from the wall
                 near = share > 0
                 share -= best
                 share += room

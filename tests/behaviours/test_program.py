@@ -283,6 +283,13 @@ def test_a_random_program_reads_back_the_same(seed):
         assert plain(read_condition(plain(trigger.when))[0]) == plain(trigger.when)
 
 
+def test_a_changed_copy_of_a_program_goes_with_a_file_of_its_own():
+    before = shipped_programs().get("merino")
+    after = before.model_copy(update={"title": "Other sheep"})
+    assert before.model_copy().source == before.source != after.source
+    assert load_program(after.source, "merino.program.toml").title == "Other sheep"
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_a_random_program_runs(seed):
     """It goes on for half a second, finite, everybody in a state that there is, and twice the same."""

@@ -103,6 +103,13 @@ def test_every_shipped_brush_is_made_for_species_that_can_do_it():
             assert any(one.can("fly") if flies else one.can("walk") or one.can("swim") for one in found), (name, key)
 
 
+def test_a_changed_copy_of_a_species_has_no_file_and_says_so():
+    sheep = shipped_species().get("sheep")
+    assert sheep.source == sheep.model_copy().source
+    with pytest.raises(ValueError, match="sheep was changed in Python and has no file: write one"):
+        sheep.model_copy(update={"calm": 1.0}).source  # noqa: B018
+
+
 def test_every_drive_has_a_unit_bounds_and_a_meaning_for_each_parameter():
     assert "flee" in drives()
     ours = [one for one in drives().values() if one.urge.__module__.startswith("flockbrush.")]
