@@ -59,7 +59,7 @@ MEASURES = {
     for m in (
         BatteryMeasure("polarization", "", 0.06, lasting=0.2),
         BatteryMeasure("milling", "", 0.10, lasting=0.35),
-        BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.1, lasting_share=0.35),
+        BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.1, lasting_share=0.2),
         BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.25),
         BatteryMeasure("turning", "rad/s", 0.06, 0.25),
         BatteryMeasure("spread", "BL", 0.1, 0.10, lasting=0.5, lasting_share=0.5),
@@ -288,6 +288,7 @@ class Series:
     rows: dict[str, np.ndarray]
     yard: Yard
     growth: float = np.nan
+    seconds: float = 0.0  # that the moments span
 
     @classmethod
     def of(cls, looks, yard, seconds) -> Series:
@@ -296,7 +297,12 @@ class Series:
         later = kept[int(SETTLED * len(kept)) :]
         rows = {name: np.array([row[name] for row in later]) for name in kept[0]} if kept else {}
         spread = np.array([row["spread"][0] for row in later])
-        return cls(rows, yard, _growth(spread, (1 - SETTLED) * seconds))
+        kept_s = (1 - SETTLED) * seconds
+        return cls(rows, yard, _growth(spread, kept_s), kept_s)
+
+    def rate(self, name) -> float:
+        """Rate at which a measure of one number grows, 1/s; NaN if it is unknown."""
+        return _growth(self.rows[name][:, 0], self.seconds)
 
     def value(self, name, chosen=slice(None)) -> np.ndarray:
         """The measure over some moments."""
@@ -309,13 +315,13 @@ class Series:
         return value_of(name, rows.mean(0), self.yard)
 
 
-def _growth(spread, seconds):
-    """Rate at which the logarithm of the spread grows, 1/s, by a straight line."""
-    good = np.isfinite(spread) & (spread > 0)
+def _growth(values, seconds):
+    """Rate at which the logarithm of a measure grows, 1/s, by a straight line."""
+    good = np.isfinite(values) & (values > 0)
     if good.sum() < 4 or not seconds > 0:
         return np.nan
-    t = np.linspace(0.0, seconds, len(spread))[good]
-    return float(np.polyfit(t, np.log(spread[good]), 1)[0])
+    t = np.linspace(0.0, seconds, len(values))[good]
+    return float(np.polyfit(t, np.log(values[good]), 1)[0])
 
 
 # limits ---------------------------------------------------------------------------------------------
