@@ -283,12 +283,11 @@ def value_of(name, mean, yard) -> np.ndarray:
 
 @dataclass
 class Series:
-    """A herd over time: what moments keep, {measure: (moments, d)}, and how its spread grows, 1/s."""
+    """A herd over time: what moments keep, {measure: (moments, d)}, and the time that they span, s."""
 
     rows: dict[str, np.ndarray]
     yard: Yard
-    growth: float = np.nan
-    seconds: float = 0.0  # that the moments span
+    seconds: float
 
     @classmethod
     def of(cls, looks, yard, seconds) -> Series:
@@ -296,32 +295,26 @@ class Series:
         kept = [rows_of(look, yard) for look in looks]
         later = kept[int(SETTLED * len(kept)) :]
         rows = {name: np.array([row[name] for row in later]) for name in kept[0]} if kept else {}
-        spread = np.array([row["spread"][0] for row in later])
-        kept_s = (1 - SETTLED) * seconds
-        return cls(rows, yard, _growth(spread, kept_s), kept_s)
+        return cls(rows, yard, (1 - SETTLED) * seconds)
 
     def rate(self, name) -> float:
-        """Rate at which a measure of one number grows, 1/s; NaN if it is unknown."""
-        return _growth(self.rows[name][:, 0], self.seconds)
+        """Rate at which the logarithm of a measure of one number grows, 1/s, by a straight line; NaN: unknown."""
+        values = self.rows[name][:, 0] if name in self.rows else np.zeros(0)
+        good = np.isfinite(values) & (values > 0)
+        if good.sum() < 4 or not self.seconds > 0:
+            return np.nan
+        t = np.linspace(0.0, self.seconds, len(values))[good]
+        return float(np.polyfit(t, np.log(values[good]), 1)[0])
 
     def value(self, name, chosen=slice(None)) -> np.ndarray:
         """The measure over some moments."""
         if name == "growth":
-            return np.array([self.growth])
+            return np.array([self.rate("spread")])
         rows = self.rows[name][chosen]
         rows = rows[np.isfinite(rows).all(1)]
         if len(rows) < 0.5 * len(self.rows[name][chosen]) or not len(rows):
             return np.full(1, np.nan)
         return value_of(name, rows.mean(0), self.yard)
-
-
-def _growth(values, seconds):
-    """Rate at which the logarithm of a measure grows, 1/s, by a straight line."""
-    good = np.isfinite(values) & (values > 0)
-    if good.sum() < 4 or not seconds > 0:
-        return np.nan
-    t = np.linspace(0.0, seconds, len(values))[good]
-    return float(np.polyfit(t, np.log(values[good]), 1)[0])
 
 
 # limits ---------------------------------------------------------------------------------------------

@@ -184,9 +184,7 @@ def _onwards(battery, name):
     """
     change, grown = _trend(battery, name), 0.0
     if name in ("spread", "nearest neighbour") and "growth" in battery.values:
-        rate, series = battery.series.growth, battery.series
-        if name == "nearest neighbour":
-            rate = min(rate, series.rate(name))
+        rate = np.minimum(battery.series.rate("spread"), battery.series.rate(name))
         if np.isfinite(rate):
             level = float(np.abs(battery.values[name]).mean())
             grown = level * (np.exp(min(max(rate, 0.0) * ALONE, GROWS)) - 1.0)

@@ -112,10 +112,10 @@ def test_nothing_is_told_by_a_clip_whose_animals_are_taken_for_ground(clip):
 
 
 def growing(spread, near, seconds=3.0, moments=24):
-    """A battery of a clip whose spread and distance to the nearest neighbour grow at these rates, 1/s."""
+    """What `_onwards` asks of a clip whose spread and distance to the nearest neighbour grow at these rates, 1/s."""
     t = np.linspace(0.0, seconds, moments)
     rows = {"spread": 5.0 * np.exp(spread * t)[:, None], "nearest neighbour": np.exp(near * t)[:, None]}
-    series = Series(rows, Yard(0.5, 0.1, np.linspace(0, 9, 4), True), spread, seconds)
+    series = Series(rows, Yard(0.5, 0.1, np.linspace(0, 9, 4), True), seconds)
     values = {name: series.value(name) for name in rows} | {"growth": np.array([spread])}
     return SimpleNamespace(series=series, values=values)
 
