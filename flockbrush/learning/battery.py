@@ -59,7 +59,7 @@ MEASURES = {
     for m in (
         BatteryMeasure("polarization", "", 0.06, lasting=0.2),
         BatteryMeasure("milling", "", 0.10, lasting=0.35),
-        BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.1, lasting_share=0.2),
+        BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.1, lasting_share=0.35),
         BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.25),
         BatteryMeasure("turning", "rad/s", 0.06, 0.25),
         BatteryMeasure("spread", "BL", 0.1, 0.10, lasting=0.5, lasting_share=0.5),
@@ -283,11 +283,11 @@ def value_of(name, mean, yard) -> np.ndarray:
 
 @dataclass
 class Series:
-    """A herd over time: what moments keep, {measure: (moments, d)}, and the time that they span, s."""
+    """A herd over time: what moments keep, {measure: (moments, d)}, and how its spread grows, 1/s."""
 
     rows: dict[str, np.ndarray]
     yard: Yard
-    seconds: float
+    growth: float = np.nan
 
     @classmethod
     def of(cls, looks, yard, seconds) -> Series:
@@ -295,26 +295,27 @@ class Series:
         kept = [rows_of(look, yard) for look in looks]
         later = kept[int(SETTLED * len(kept)) :]
         rows = {name: np.array([row[name] for row in later]) for name in kept[0]} if kept else {}
-        return cls(rows, yard, (1 - SETTLED) * seconds)
-
-    def rate(self, name) -> float:
-        """Rate at which the logarithm of a measure of one number grows, 1/s, by a straight line; NaN: unknown."""
-        values = self.rows[name][:, 0] if name in self.rows else np.zeros(0)
-        good = np.isfinite(values) & (values > 0)
-        if good.sum() < 4 or not self.seconds > 0:
-            return np.nan
-        t = np.linspace(0.0, self.seconds, len(values))[good]
-        return float(np.polyfit(t, np.log(values[good]), 1)[0])
+        spread = np.array([row["spread"][0] for row in later])
+        return cls(rows, yard, _growth(spread, (1 - SETTLED) * seconds))
 
     def value(self, name, chosen=slice(None)) -> np.ndarray:
         """The measure over some moments."""
         if name == "growth":
-            return np.array([self.rate("spread")])
+            return np.array([self.growth])
         rows = self.rows[name][chosen]
         rows = rows[np.isfinite(rows).all(1)]
         if len(rows) < 0.5 * len(self.rows[name][chosen]) or not len(rows):
             return np.full(1, np.nan)
         return value_of(name, rows.mean(0), self.yard)
+
+
+def _growth(spread, seconds):
+    """Rate at which the logarithm of the spread grows, 1/s, by a straight line."""
+    good = np.isfinite(spread) & (spread > 0)
+    if good.sum() < 4 or not seconds > 0:
+        return np.nan
+    t = np.linspace(0.0, seconds, len(spread))[good]
+    return float(np.polyfit(t, np.log(spread[good]), 1)[0])
 
 
 # limits ---------------------------------------------------------------------------------------------

@@ -23,12 +23,12 @@ from flockbrush.learning.response import response
 from flockbrush.learning.rollout import NAMES, Run, rollout
 from flockbrush.learning.simulate import shaken, simulated
 
-RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 4
+RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 2
 ALONE, MEASURED, FPS = 20.0, 10.0, 4.0  # s a herd is left alone, of which the end is measured; looks a second
 LEAST_TOLD = 3  # measures that a clip must determine
 NEARER = 0.7  # of a brush's distance: a rival is nearer below it
 FEWEST = 5  # animals
-GROWS = 1.5  # the largest exponent by which a clip's spread or distance to the nearest neighbour may grow on
+GROWS = 1.5  # the largest exponent by which the spread of a clip is assumed to grow on
 STILL, ONWARDS = "nobody moves", "all animals keep their velocity"
 RANDOM = "random numbers"
 
@@ -152,8 +152,9 @@ def _contend(battery: Common, *args) -> Contender:
 
 
 def _lasting(battery, rows, runs) -> list[BatteryRow]:
-    """The end of long runs against the clip, with wider limits, beyond where the clip was going (`_onwards`)."""
+    """The end of long runs against the clip, with wider limits; what changes in the clip may go on changing."""
     found = [settled(battery, run) for run in runs]
+    growth = battery.series.growth if "growth" in battery.values else 0.0
     out = []
     for row in rows:
         kind = MEASURES[row.name]
@@ -163,32 +164,15 @@ def _lasting(battery, rows, runs) -> list[BatteryRow]:
         values = np.array(
             [s.value(row.name) if len(s.value(row.name)) == len(value) else value * np.nan for s in found]
         )
-        limit = max(kind.lasting, kind.lasting_share * float(np.abs(value).mean()), 1.5 * row.limit)
+        level = float(np.abs(value).mean())
+        limit = max(kind.lasting, kind.lasting_share * level, 1.5 * row.limit) + _trend(battery, row.name)
+        if row.name in ("spread", "nearest neighbour") and np.isfinite(growth):
+            limit += level * (np.exp(min(max(growth, 0.0) * ALONE, GROWS)) - 1.0)
         between = float(values.std(0, ddof=1).mean()) if len(values) > 1 else 0.0
         limit += min(DEVIATIONS * between / np.sqrt(len(values)), limit)
-        off = float(np.abs(beyond(values.mean(0) - value, _onwards(battery, row.name))).mean())
+        off = float(np.abs(values.mean(0) - value).mean())
         out.append(BatteryRow(row.name, float(value.mean()), float(values.mean()), off, limit))
     return out
-
-
-def beyond(change, onwards) -> np.ndarray:
-    """What is left of a change when as much as ``onwards`` is allowed: in its direction, not in the other."""
-    return change - np.clip(change, np.minimum(onwards, 0.0), np.maximum(onwards, 0.0))
-
-
-def _onwards(battery, name):
-    """By how much a measure may change after the clip, with its sign.
-
-    It may change once more as it did in the clip.  A spread may also grow on at its rate.  The distance to the nearest
-    neighbour may grow no faster than it did itself, nor than the spread: a herd that splits spreads without thinning.
-    """
-    change, grown = _trend(battery, name), 0.0
-    if name in ("spread", "nearest neighbour") and "growth" in battery.values:
-        rate = np.minimum(battery.series.rate("spread"), battery.series.rate(name))
-        if np.isfinite(rate):
-            level = float(np.abs(battery.values[name]).mean())
-            grown = level * (np.exp(min(max(rate, 0.0) * ALONE, GROWS)) - 1.0)
-    return np.maximum(change, grown) if grown else change
 
 
 def settled(battery, run) -> Series:
@@ -198,11 +182,11 @@ def settled(battery, run) -> Series:
 
 
 def _trend(battery, name):
-    """The change of a measure from the first to the last third of what is looked at, with its sign."""
+    """How much a measure changes from the first to the last third of what is looked at."""
     n = len(battery.series.rows[name]) if name in battery.series.rows else 0
     first, last = (battery.series.value(name, part) for part in (slice(0, n // 3), slice(n - n // 3, n)))
-    known = n >= 6 and len(first) == len(last) == len(battery.values[name])
-    return np.nan_to_num(last - first) if known else np.zeros(len(battery.values[name]))
+    change = float(np.abs(last - first).mean()) if n >= 6 and len(first) == len(last) else 0.0
+    return change if np.isfinite(change) else 0.0
 
 
 def judge(

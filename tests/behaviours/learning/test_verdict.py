@@ -1,7 +1,6 @@
 """What is said of a brush: the truth is praised, another herd is not, and of what a clip cannot tell nothing."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +9,9 @@ from flockbrush.behaviours.brush import shipped
 from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning import verdict
-from flockbrush.learning.battery import MEASURES, Battery, BatteryRow, Series, Yard
+from flockbrush.learning.battery import MEASURES, Battery, BatteryRow
 from flockbrush.learning.simulate import simulated
-from flockbrush.learning.verdict import IDLE, ONWARDS, STILL, Contender, beyond, combined, concluded, idle, judge
+from flockbrush.learning.verdict import IDLE, ONWARDS, STILL, Contender, combined, concluded, idle, judge
 
 BRUSH = "swarm"
 
@@ -109,29 +108,3 @@ def test_nothing_is_told_by_a_clip_whose_animals_are_taken_for_ground(clip):
         "from this clip: animals move 0.1 body lengths in this clip."
     )
     assert combined([told, replace(told, doubt="")]).kind == "untold"
-
-
-def growing(spread, near, seconds=3.0, moments=24):
-    """What `_onwards` asks of a clip whose spread and distance to the nearest neighbour grow at these rates, 1/s."""
-    t = np.linspace(0.0, seconds, moments)
-    rows = {"spread": 5.0 * np.exp(spread * t)[:, None], "nearest neighbour": np.exp(near * t)[:, None]}
-    series = Series(rows, Yard(0.5, 0.1, np.linspace(0, 9, 4), True), seconds)
-    values = {name: series.value(name) for name in rows} | {"growth": np.array([spread])}
-    return SimpleNamespace(series=series, values=values)
-
-
-@pytest.mark.parametrize("spread, near", [(0.05, 0.0), (0.0, 0.05), (-0.05, 0.05), (0.05, 0.02), (0.02, 0.05)])
-def test_neighbours_part_no_faster_than_they_did_nor_than_the_herd_spreads(spread, near):
-    battery = growing(spread, near)
-    level, rate = battery.values["nearest neighbour"][0], max(min(spread, near), 0.0)
-    seen = (np.exp(near * 3.0) - 1.0) if near > 0 else 0.0  # it may change once more as it did
-    most = max(level * (np.exp(rate * verdict.ALONE) - 1.0), seen)
-    assert -1e-9 <= verdict._onwards(battery, "nearest neighbour")[0] <= most + 1e-9
-    assert verdict._onwards(battery, "nearest neighbour")[0] >= level * (np.exp(rate * verdict.ALONE) - 1.0) - 1e-9
-
-
-def test_a_herd_may_go_on_changing_but_not_the_other_way():
-    change = np.array([0.5, 1.5, -0.5])
-    assert beyond(change, np.array([1.0, 1.0, 1.0])) == pytest.approx([0.0, 0.5, -0.5])
-    assert beyond(-change, -np.array([1.0, 1.0, 1.0])) == pytest.approx([0.0, -0.5, 0.5])
-    assert beyond(change, 0.0) == pytest.approx(change)
