@@ -3,10 +3,11 @@
     python benchmarks/morphs.py [A--B ...] --seeds 64 --animals 100 400
 
 For each path and herd size, on new seeds, it prints the largest change of polarization or milling in one step, the
-largest deviation between seeds, the largest reversal (`flockbrush.studies.morph` says what chance explains), and a
-verdict: "even"; or "bistable", with both branches at one step, for herds that are swept along the way and back; or
-"uneven".  The same is printed for the straight line between the brushes.  Start and duration of the
-runs come from the path.  Pairs without a shipped path get only the straight line, in twelfths, as the options say.
+largest deviation between seeds, the largest reversal (`flockbrush.studies.morph` says what chance explains), the least
+number of standard errors within which a monotonic curve passes all means (no error is taken to be larger than it is),
+and a verdict: "even"; or "bistable", with both branches at one step, for herds that are swept along the way and back;
+or "uneven".  The same is printed for the straight line between the brushes.  Start and duration of the runs come from
+the path.  Pairs without a shipped path get only the straight line, in twelfths, as the options say.
 """
 
 from __future__ import annotations
@@ -18,7 +19,17 @@ import numpy as np
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.mixture import STEPS, can_mix, load_path, mixed
 
-from flockbrush.studies.morph import BEGINNINGS, MEASURES, Trial, faults, goes_back, measured, sweep, verdict
+from flockbrush.studies.morph import (
+    BEGINNINGS,
+    MEASURES,
+    Trial,
+    errors_from_monotonic,
+    faults,
+    goes_back,
+    measured,
+    sweep,
+    verdict,
+)
 
 FIRST = 9001  # seed; the searches used no seeds from here to a million
 
@@ -91,7 +102,9 @@ def main():
         parser.error(str(error))
     where = "" if told.sweep_all else " where a way is not even"
     print(f"{told.seeds} seeds from {told.first} on, {told.swept} herds swept{where}")
-    print(f"{'pair':<22} animals  begin    s    way            largest step  largest deviation  goes back  verdict")
+    print(
+        f"{'pair':<22} animals  begin    s    way            largest step  largest deviation  goes back  errors  verdict"
+    )
     for name, (start, end) in pairs.items():
         path = paths.get(name)
         begin, seconds = (path.begin, path.seconds) if path else (told.begin, told.seconds)
@@ -103,7 +116,7 @@ def main():
                 step = np.abs(np.diff(seen.mean, axis=0)).max()
                 print(
                     f"{name:<22} {animals:>7}  {begin:<7}  {seconds:<3g}  {way:<13} {step:>13.2f} "
-                    f"{seen.deviation.max():>18.2f}  {back:>9.2f}  {words}",
+                    f"{seen.deviation.max():>18.2f}  {back:>9.2f}  {errors_from_monotonic(seen).max():>6.1f}  {words}",
                     flush=True,
                 )
                 for k in range(len(seen.mean) if told.steps else 0):

@@ -18,6 +18,7 @@ from flockbrush.studies.morph import (
     Trial,
     brush_at,
     detours,
+    errors_from_monotonic,
     faults,
     measured,
     response,
@@ -36,6 +37,21 @@ def step_like(points, at=0.1, width=0.01):
     """Means that go from 0 to 1 at a place, and none of milling."""
     points = np.asarray(points)
     return np.column_stack([1 / (1 + np.exp(np.clip(-(points - at) / width, -500, 500))), 0 * points])
+
+
+def test_errors_from_monotonic_are_those_of_the_best_monotonic_curve():
+    """The least number of errors for which the highest of the lower ends so far is never above an upper end."""
+    rng, steps = np.random.default_rng(4), np.linspace(0.0, 9.0, 9001)
+    for _ in range(20):
+        found = Measured(np.cumsum(rng.normal(0.1, 0.3, (8, 2)), axis=0), rng.uniform(0.2, 1.0, (8, 2)), 9)
+        for column, told in enumerate(errors_from_monotonic(found)):
+            mean, error = found.mean[:, column], found.deviation[:, column] / 3.0
+            mean = mean if mean[-1] >= mean[0] else -mean
+            low, high = mean[:, None] - steps * error[:, None], mean[:, None] + steps * error[:, None]
+            fits = (np.maximum.accumulate(low, axis=0) <= high).all(0)
+            assert told == pytest.approx(steps[fits.argmax()], abs=0.0011)
+    assert errors_from_monotonic(ways([0.0, 0.5, 1.0])).tolist() == [0.0, 0.0]
+    assert errors_from_monotonic(ways([0.0, 0.5, 0.4, 1.0], deviation=0.0))[0] == np.inf
 
 
 def test_where_behaviour_jumps_steps_are_short():
