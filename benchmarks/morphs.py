@@ -103,7 +103,8 @@ def main():
     where = "" if told.sweep_all else " where a way is not even"
     print(f"{told.seeds} seeds from {told.first} on, {told.swept} herds swept{where}")
     print(
-        f"{'pair':<22} animals  begin    s    way            largest step  largest deviation  goes back  errors  verdict"
+        f"{'pair':<22} animals  begin    s    way            "
+        "largest step  largest deviation  goes back  errors  verdict"
     )
     for name, (start, end) in pairs.items():
         path = paths.get(name)
