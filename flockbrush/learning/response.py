@@ -93,9 +93,13 @@ def response(
 
 def scatters(clip: Evidence, brush, run: Run, turns: Callable[[], Turns | None]) -> tuple[float, float] | None:
     """Scatter of turns of a clip (as for `response`) and of a run about what the brush foretells, rad; None if few."""
-    mine = _answer(clip.sightings, brush, turns())
-    theirs = _answer_of_run(run, clip, brush)
-    return None if mine is None or theirs is None else (mine.scatter, theirs.scatter)
+    both = turns(), turns_seen(clip, _seen(run, clip), brush)
+    known = [seen for seen in both if seen is not None and len(seen.rows) >= FEWEST]
+    if len(known) < len(both):
+        return None
+    theta = theta_of(brush.params)
+    mine, theirs = (residuals(seen, predicted(seen, theta, brush.params, False)[0])[2] for seen in known)
+    return mine, theirs
 
 
 def _answer_of_run(run, clip, brush):

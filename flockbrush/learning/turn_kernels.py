@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
-from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, store, total, where
+from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, store, total, totals, where
 from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.learning.rollout import Gates
 from flockbrush.systems.contact import DEFLECT, SKIN, _nearest, towards_body_
@@ -68,6 +68,13 @@ def is_inside(evidence, frames, reach):
     return np.concatenate(out) if out else np.zeros(0, bool)
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def spin_kernel(angle, spun):
+    """Write the cosine and sine of each angle (n,), rad, to `spun` (n, 2)."""
+    for j in range(len(angle)):
+        spun[j, 1], spun[j, 0] = sincos_(angle[j])
+
+
 class TurnLaw(NamedTuple):
     """Parameters of a turn other than theta."""
 
@@ -95,6 +102,7 @@ class ForceSums(NamedTuple):
 
     x: np.ndarray
     y: np.ndarray
+    found: np.ndarray  # (8,) room for sums
 
 
 # columns of neighbours, BL: where they begin, how they move, their headings and by how much these turn in a tick; 1 for
@@ -103,7 +111,7 @@ X, Y, VX, VY, GX, GY, COSINE, SINE, KIN, ALL, AT_X, AT_Y, FAR2, ASIDE2, ASIDE = 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def turn_kernel(lo, hi, turns, theta, law, turn, slope):
+def turn_kernel(lo, hi, turns, spun, theta, law, turn, slope):
     """Predict turns over some ticks with the neighbours as observed, and their derivatives by theta.
 
     Parameters
@@ -111,6 +119,8 @@ def turn_kernel(lo, hi, turns, theta, law, turn, slope):
     lo, hi : int
         Rows of `Turns`.
     turns : Turns
+    spun : (n, 2) ndarray
+        Cosine and sine of the angle by which each animal turns in a tick: `spin_kernel`.
     theta : (12,) ndarray
     law : TurnLaw
     turn : (k,) ndarray
@@ -118,7 +128,8 @@ def turn_kernel(lo, hi, turns, theta, law, turn, slope):
     slope : (k, 12) ndarray
         Output: derivatives of `turn`; with three dimensions nothing is written.
     """
-    forces, sums, sloped = _gaussians(theta), ForceSums(np.zeros((4, 4)), np.zeros((4, 4))), slope.ndim == 2
+    forces, sloped = _gaussians(theta), slope.ndim == 2
+    sums = ForceSums(np.zeros((4, 4)), np.zeros((4, 4)), np.empty(8))
     d, dx, dy = np.empty(12), np.empty(12), np.empty(12)
     gain, forward = turns.dt * law.sensitivity, turns.percept.forward
     social = sloped or forces.weight[:3].any()
@@ -130,7 +141,7 @@ def turn_kernel(lo, hi, turns, theta, law, turn, slope):
         angle = start
         d[:] = 0.0
         left, s = turns.ticks[k], 0
-        many = _gather_neighbours(near, turns, i, law.neighbour_range) if social else 0
+        many = _gather_neighbours(near, turns, spun, i, law.neighbour_range) if social else 0
         many_walls = _gather_walls(walls, turns, i)
         while left > 1e-9:
             share = min(left, 1.0)  # a part of a tick turns by its part
@@ -186,9 +197,9 @@ def _columns(lo, hi, rows, first):
 
 
 @njit(inline="always")
-def _gather_neighbours(columns, turns, i, reach):
+def _gather_neighbours(columns, turns, spun, i, reach):
     """Write down the neighbours of a row in reach; their number."""
-    percept, velocity, spin, n = turns.percept, turns.velocity, turns.spin, 0
+    percept, velocity, n = turns.percept, turns.velocity, 0
     for at in range(percept.first[i], percept.first[i + 1]):
         j = percept.near[at]
         x, y = percept.offset[at, 0], percept.offset[at, 1]
@@ -197,8 +208,7 @@ def _gather_neighbours(columns, turns, i, reach):
         columns[X, n], columns[Y, n] = x, y
         columns[VX, n], columns[VY, n] = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
         columns[GX, n], columns[GY, n] = percept.forward[j, 0], percept.forward[j, 1]
-        sine, cosine = sincos_(spin[j] * turns.dt)
-        columns[COSINE, n], columns[SINE, n] = cosine, sine
+        columns[COSINE, n], columns[SINE, n] = spun[j, 0], spun[j, 1]
         columns[KIN, n] = 1.0 if percept.species[i] == percept.species[j] else 0.0
         columns[ALL, n] = 1.0
         n += 1
@@ -244,27 +254,47 @@ def _look_again(column, step, n, time, fx, fy, on):
 def _add(sums, forces, f, columns, n, what, whose, sign, sloped):
     """The sum of a force: two columns, weighed by its Gaussians (eq. 4), of those whose column is 1."""
     r, a = forces.radial[f], forces.angular[f]
-    px, py, rx, ry, ax, ay, hx, hy = _weighed(pointer(columns), columns.shape[1], n, what, whose, r, a, sloped)
-    sums.x[f, 0], sums.y[f, 0] = sign * px, sign * py
-    sums.x[f, 1], sums.y[f, 1] = sign * rx * forces.by_radial[f], sign * ry * forces.by_radial[f]
-    sums.x[f, 2], sums.y[f, 2] = sign * ax * forces.by_angular[f], sign * ay * forces.by_angular[f]
-    sums.x[f, 3], sums.y[f, 3] = sign * hx * 2.0 * a, sign * hy * 2.0 * a
+    if not sloped:
+        px, py = _weighed(pointer(columns), columns.shape[1], n, what, whose, r, a)
+        sums.x[f, 0], sums.y[f, 0] = sign * px, sign * py
+        return
+    found = pointer(sums.found)
+    _weighed_and_sloped(pointer(columns), columns.shape[1], n, what, whose, r, a, found)
+    sums.x[f, 0], sums.y[f, 0] = sign * found[0], sign * found[1]
+    sums.x[f, 1], sums.y[f, 1] = sign * found[2] * forces.by_radial[f], sign * found[3] * forces.by_radial[f]
+    sums.x[f, 2], sums.y[f, 2] = sign * found[4] * forces.by_angular[f], sign * found[5] * forces.by_angular[f]
+    sums.x[f, 3], sums.y[f, 3] = sign * found[6] * 2.0 * a, sign * found[7] * 2.0 * a
 
 
 @lane_function
-def _weighed(column, step, n, what, whose, radial, angular, sloped):
+def _weighed(column, step, n, what, whose, radial, angular):
+    """Weighed sums of two columns."""
+    px = py = splat8(0.0)
+    for q in range(0, n, EIGHT):
+        x, y, _, _ = _weighed_lanes(column, step, q, what, whose, radial, angular)
+        px, py = px + x, py + y
+    return total(px), total(py)
+
+
+@lane_function
+def _weighed_and_sloped(column, step, n, what, whose, radial, angular, found):
     """Weighed sums of two columns, plain and by the squared distance, the squared bearing, and the bearing."""
     px = py = rx = ry = ax = ay = hx = hy = splat8(0.0)
     for q in range(0, n, EIGHT):
-        far2, aside2 = load8(column, FAR2 * step + q), load8(column, ASIDE2 * step + q)
-        w = load8(column, whose * step + q) * exponential(splat8(0.0) - fused(far2, splat8(radial), aside2 * angular))
-        x, y = w * load8(column, what * step + q), w * load8(column, (what + 1) * step + q)
+        x, y, far2, aside2 = _weighed_lanes(column, step, q, what, whose, radial, angular)
         px, py = px + x, py + y
-        if sloped:
-            aside = load8(column, ASIDE * step + q)
-            rx, ry, ax, ay = fused(x, far2, rx), fused(y, far2, ry), fused(x, aside2, ax), fused(y, aside2, ay)
-            hx, hy = fused(x, aside, hx), fused(y, aside, hy)
-    return total(px), total(py), total(rx), total(ry), total(ax), total(ay), total(hx), total(hy)
+        aside = load8(column, ASIDE * step + q)
+        rx, ry, ax, ay = fused(x, far2, rx), fused(y, far2, ry), fused(x, aside2, ax), fused(y, aside2, ay)
+        hx, hy = fused(x, aside, hx), fused(y, aside, hy)
+    store(found, 0, totals((px, py, rx, ry, ax, ay, hx, hy)))
+
+
+@lane_function
+def _weighed_lanes(column, step, q, what, whose, radial, angular):
+    """Two columns weighed by a Gaussian, and what that is of: the squared distance and bearing."""
+    far2, aside2 = load8(column, FAR2 * step + q), load8(column, ASIDE2 * step + q)
+    w = load8(column, whose * step + q) * exponential(splat8(0.0) - fused(far2, splat8(radial), aside2 * angular))
+    return w * load8(column, what * step + q), w * load8(column, (what + 1) * step + q), far2, aside2
 
 
 @njit(inline="always")

@@ -27,7 +27,7 @@ from flockbrush.film.missing_animals import trust
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.perceive import Percept, half_and_radius, perceive, together
 from flockbrush.learning.rollout import BODY, DT, LEAST, MOST, VISION, Walls, theta_of
-from flockbrush.learning.turn_kernels import TurnLaw, is_inside, room_kernel, turn_kernel
+from flockbrush.learning.turn_kernels import TurnLaw, is_inside, room_kernel, spin_kernel, turn_kernel
 
 FREEDOM = 4.0  # degrees of freedom of Student's t: the usual choice between robust and sharp
 SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
@@ -195,7 +195,9 @@ def predicted(turns: Turns, theta, params=None, sloped=True):
     turn, slope = np.empty(k), np.empty((k, 12) if sloped else (0, 0, 12))
     limit, drift = params.max_turn * turns.dt, params.wander * turns.dt**0.5
     law = TurnLaw(params.sensitivity, params.neighbour_range, limit, drift, params.turn_bias * turns.dt)
-    over_rows(turn_kernel, k, turns, np.asarray(theta, float), law, turn, slope, chunk=512)
+    spun = np.empty((len(turns.spin), 2))
+    spin_kernel(turns.spin * turns.dt, spun)
+    over_rows(turn_kernel, k, turns, spun, np.asarray(theta, float), law, turn, slope, chunk=512)
     return turn, slope
 
 
