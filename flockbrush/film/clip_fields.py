@@ -124,14 +124,15 @@ class Collector:
 
     def _density(self, mask, to_first):
         """Animals per BL² in each cell, (ny, nx), and the number of animals in the picture."""
-        y, x = np.nonzero(mask)
+        bodies = cv2.findNonZero(mask)
+        bodies = np.empty((0, 2)) if bodies is None else bodies.reshape(-1, 2)
         to_cell = np.vstack([to_first, (0, 0, 1)])
-        at = moved_by((self.grid.to_bl @ to_cell), np.column_stack([x, y]))
+        at = moved_by((self.grid.to_bl @ to_cell), bodies)
         cells = self.grid.cells_of(at)
         ny, nx = self.grid.shape
         zoom = abs(np.linalg.det(to_first[:, :2]))
         animals = np.bincount(cells[cells >= 0], minlength=ny * nx).reshape(ny, nx) * zoom / self.body_pixels
-        return animals / self.grid.cell**2, float(len(x) * zoom / self.body_pixels)
+        return animals / self.grid.cell**2, float(len(bodies) * zoom / self.body_pixels)
 
     def _at_edge(self, mask, to_first):
         """Share of the body pixels that are within half a body length of the edge of the picture, 0 to 1."""

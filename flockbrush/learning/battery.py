@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
-from scipy.spatial import cKDTree
 
 from flockbrush.film.missing_animals import trust
 from flockbrush.film.observations import Evidence
@@ -217,11 +216,24 @@ def rows_of(look: ClipMoment, yard: Yard) -> dict[str, np.ndarray]:
 
 def _nearest(look):
     """Median of the distances to the nearest neighbour."""
-    far = cKDTree(look.xy).query(look.xy, k=2)[0][:, 1]
+    far = _to_nearest(np.asarray(look.xy, float))
     order = np.argsort(far, kind="stable")
     reached, half = np.cumsum(look.trust[order]), 0.5 * look.trust.sum()
     middle = np.searchsorted(reached, half), np.searchsorted(reached, half, side="right")
     return float(np.mean(far[order[np.minimum(middle, len(far) - 1)]]))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _to_nearest(xy):
+    """(n,) distance of each animal to the nearest other, by all pairs: a moment has too few animals for a tree."""
+    n = len(xy)
+    least = np.full(n, np.inf)
+    for i in range(n):
+        for j in range(i + 1, n):
+            x, y = xy[i, 0] - xy[j, 0], xy[i, 1] - xy[j, 1]
+            far = x * x + y * y
+            least[i], least[j] = min(least[i], far), min(least[j], far)
+    return np.sqrt(least)
 
 
 def _spread(look):
