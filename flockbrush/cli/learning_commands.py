@@ -6,14 +6,12 @@ import re
 import shlex
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from flockbrush.cli.shared_options import TrackFps, TrackOptions, TrackUnit, WorkOptions, grouped, unit_of
-
-if TYPE_CHECKING:
-    from flockbrush.film.open_clip import Looking
+from flockbrush.film.looking import Looking
 
 PARTS = ("occlusion", "angular", "density", "variance")
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
@@ -72,8 +70,6 @@ class ClipOptions(WrittenOptions):
     def read(self) -> Looking:
         """The parsed options; typer.BadParameter for an invalid value."""
         understood = frames_of(self.frames), landmarks_of(self.landmark), colour_of(self.body_colour)
-        from flockbrush.film.open_clip import Looking  # takes a second, which a mistake need not wait for
-
         return Looking(
             *understood, self.body_length_px, self.grid, self.obstacles, getattr(self, "regions", None),
             unit_of(self.unit), self.fps, self.body_length_m,

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, get_type_hints
 
 import typer
 
+from flockbrush.film.looking import Looking
+
 if TYPE_CHECKING:
-    from flockbrush.film.open_clip import Looking
     from flockbrush.runs.cluster import Tls
 
 
@@ -96,8 +97,6 @@ class TrackOptions:
 
     def read(self) -> Looking:
         """The same with the unit understood; typer.BadParameter where it cannot be."""
-        from flockbrush.film.open_clip import Looking
-
         return Looking(
             unit=unit_of(self.unit), fps=self.fps, body_length_m=self.body_length_m, body_length_px=self.body_length_px
         )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from flockbrush.engine.files import refused
 from flockbrush.film.clip_reader import open_clip
+from flockbrush.film.looking import Looking
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.observe import observe
 from flockbrush.film.track_evidence import USUAL_LENGTH_M, drawn_tracks, evidence_of_tracks
@@ -17,22 +18,6 @@ from flockbrush.film.track_files import Trajectories, is_tracks, read_trajectori
 from flockbrush.runs.terminal import progress, say
 
 FEWEST = 8  # frames of a clip of which a part is held out
-
-
-@dataclass(frozen=True)
-class Looking:
-    """Options of the observation of a clip; what is not given is found in the clip."""
-
-    frames: tuple[int, int] | None = None
-    landmarks: tuple = ()
-    body_colour: str | tuple[int, int, int] = "auto"
-    body_length_px: float | None = None
-    grid: int = 30
-    obstacles: Path | None = None
-    regions: Path | None = None
-    unit: str | None = None  # of tracks: m, px or bl
-    fps: float | None = None  # of tracks
-    body_length_m: float | None = None  # of tracks in metres
 
 
 def look_at(clip, how: Looking, show=None, quiet=False) -> Evidence:

@@ -289,7 +289,7 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         make_folder(wishes.report)
         folder = wishes.report if herd.region is None else wishes.report / found.brush.name
         make_folder(folder)
-        write_report(found, folder)
+        write_report(found, folder, wishes.helpers)
     return found
 
 

@@ -16,6 +16,7 @@ from flockbrush.learning.ablation import PARTS
 from flockbrush.learning.comparison import ERRORS, TITLES
 from flockbrush.learning.confounding import estimates_of
 from flockbrush.learning.group_size_test import SECONDS
+from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.html_page import ReportPage
 from flockbrush.learning.learned_brush import sentence
 from flockbrush.learning.learning_charts import ORDER, is_told, panels_of
@@ -62,24 +63,26 @@ FACTS = {"share of the picture": "share detected as animals", "share that differ
 LOOKED_AT = {"ground": "The ground without the moving animals."}  # what pictures of a refused clip show
 
 
-def write_report(findings: Findings, folder) -> list[Path]:
+def write_report(findings: Findings, folder, helpers: Helpers | None = None) -> list[Path]:
     """Write report.html, its pictures and figures.json.
 
     Parameters
     ----------
     folder : path
         Must be there.
+    helpers : Helpers, optional
+        Processes that draw a part of the charts.
 
     Returns
     -------
     list of Path
         The page first.
     """
-    folder = Path(folder)
-    charts = {
-        name: [(panel, pixels_of(figure_of([panel], theme=ON_PAGE))) for panel in panels]
-        for name, panels in panels_of(findings).items()
-    }
+    folder, helpers = Path(folder), helpers or Helpers()
+    panels = panels_of(findings)
+    drawn = dict(helpers.run(_drawn, [(panel,) for some in panels.values() for panel in some]))
+    drawings = (drawn[k] for k in range(len(drawn)))
+    charts = {name: [(panel, next(drawings)) for panel in some] for name, some in panels.items()}
     pictures = {f"moment-{k + 1}": image for k, image in enumerate(findings.moments)}
     pictures |= {name: _sheet([drawing for _, drawing in some]) for name, some in charts.items()}
     for name in {*OWN, *(f"moment-{k}" for k in range(1, 10))} - pictures.keys():  # of a report that was here before
@@ -93,6 +96,11 @@ def write_report(findings: Findings, folder) -> list[Path]:
     written.append(folder / "figures.json")
     write_text(written[-1], json.dumps(finite(as_json(findings)), indent=1, ensure_ascii=False) + "\n")
     return written
+
+
+def _drawn(panel):
+    """A chart of the page, (h, w, 3)."""
+    return pixels_of(figure_of([panel], theme=ON_PAGE))
 
 
 def _sheet(drawings):

@@ -1,0 +1,22 @@
+"""How a user wants a clip looked at.  The command line needs this before it imports what looks at clips."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Looking:
+    """Options of the observation of a clip; what is not given is found in the clip."""
+
+    frames: tuple[int, int] | None = None
+    landmarks: tuple = ()
+    body_colour: str | tuple[int, int, int] = "auto"
+    body_length_px: float | None = None
+    grid: int = 30
+    obstacles: Path | None = None
+    regions: Path | None = None
+    unit: str | None = None  # of tracks: m, px or bl
+    fps: float | None = None  # of tracks
+    body_length_m: float | None = None  # of tracks in metres
