@@ -1,7 +1,10 @@
 """Test the scenes of the papers on many seeds: ``python benchmarks/scenes.py SCENE [--seeds A:B]``; the scenes are:
 
-* ``anthill`` (Gong et al. 2025, fig. 17): the share of ants that go at least half round the square in 120 s, and the
-  mean rotation about it from 60 s on; a seed passes with .8 and .5.
+* ``anthill`` (Gong et al. 2025, fig. 17): the share of ants that go at least half round the square in 120 s, the mean
+  rotation about it from 60 s on, and the shares of ants that pass the west and the east lane.  Then for the mill patch
+  and the swarm patch how far ants head along the arrow (1: exactly): the lowest mean in the 4 s after they enter, and
+  the mean when they leave.  A seed passes with .8 round, .5 of rotation, half of the ants through each lane, and if
+  each patch lowers the mean by .1 and ants leave it with .8.
 * ``river`` (fig. 8): milling after 90 s, mean of the last 5 s; a seed passes with .8.  --brush and --animals set
   another mill and flock; the map grows with the flock.
 * ``mills``: the disc of the start of the river, on open water, hollow and filled, 50 to 800 ducks (or --brush,
@@ -32,28 +35,35 @@ sys.path.insert(0, str(Path(__file__).parent.parent))  # the repository, when ru
 from benchmarks.brush_bands import outside, stated, watch
 
 MIDDLE = np.array([7.0, 9.0])  # m, of the ant hill
+AFTER = 16  # quarters of a second after an ant has entered a patch
 LINES = ("front", "lanes")
 RIVER = 0.72  # ducks per square body length at the start of the river
 
 
 def anthill(seed):
-    """Return (share that went half round or more, mean rotation), and whether the seed passes."""
+    """Return what the module says of ``anthill``, and whether the seed passes."""
     simulation = start("anthill", seed=seed)
     agents = simulation.agents
-    before, turned, rotation = None, 0.0, []
-    for second in range(1, 121):
-        for _ in range(4):
-            simulation.run(8)
-            away = agents[Position.xyz][:, :2] - MIDDLE
-            angle = np.arctan2(away[:, 1], away[:, 0])
-            if before is not None:
-                turned = turned + np.angle(np.exp(1j * (angle - before)))
-            before = angle
-        if second > 60:
-            out, forward = away / np.linalg.norm(away, axis=1)[:, None], agents[Heading.forward]
-            rotation.append(np.mean(out[:, 0] * forward[:, 1] - out[:, 1] * forward[:, 0]))
-    found = float(np.mean(np.abs(turned) >= np.pi)), float(np.mean(rotation))
-    return found, found[0] >= 0.8 and found[1] >= 0.5
+    away, along = [], []
+    for _ in range(480):
+        simulation.run(8)
+        away.append(agents[Position.xyz][:, :2] - MIDDLE)
+        out, forward = away[-1] / np.linalg.norm(away[-1], axis=1)[:, None], agents[Heading.forward]
+        along.append(out[:, 0] * forward[:, 1] - out[:, 1] * forward[:, 0])
+    away, along = np.array(away), np.array(along)
+    angle = np.unwrap(np.arctan2(away[..., 1], away[..., 0]), axis=0)
+    half_round = float(np.mean(np.abs(angle[-1] - angle[0]) >= np.pi))
+    rotation = float(np.mean(along[240:]))
+    west, upper = away[1:, :, 0] < 0, away[..., 1] > 0
+    lanes, patches = [], []
+    for enters in (west & upper[:-1] & ~upper[1:], ~west & ~upper[:-1] & upper[1:]):  # as the arrow points
+        lanes.append(float(np.mean(enters.any(0))))
+        ticks, ants = np.nonzero(enters[: 480 - AFTER])
+        patches.append(np.array([along[ticks + k, ants].mean() for k in range(AFTER)]))
+    (mill, swarm), ends = patches, (patches[1][0], patches[0][0])  # who leaves a patch enters the other one
+    found = half_round, rotation, *lanes, mill.min(), ends[0], swarm.min(), ends[1]
+    recover = all(p.min() <= p[0] - 0.1 and end >= 0.8 for p, end in zip((mill, swarm), ends, strict=True))
+    return found, half_round >= 0.8 and rotation >= 0.5 and min(lanes) >= 0.5 and recover
 
 
 def river(seed, brush="mill-filled", ducks=None):
@@ -136,7 +146,9 @@ def main():
     told = parser.parse_args()
     first, last = (int(seed) for seed in (told.seeds.split(":") * 2)[:2])  # a single seed is a range of one
     if told.scene == "anthill":
-        return judge(told.scene, "half round, rotation", anthill, first, last)
+        return judge(
+            told.scene, "half round, rotation, west, east, mill and swarm patch: lowest, end", anthill, first, last
+        )
     if told.scene == "river":
         brush = told.brush or "mill-filled"
         name = f"river, {brush}, {told.animals or 160} ducks"
