@@ -32,7 +32,7 @@ from flockbrush.engine.world import World
 from flockbrush.systems.allocation import asked
 from flockbrush.systems.decide import Roles
 from flockbrush.systems.fauna import SpeciesList, kinds_of
-from flockbrush.systems.foresight import Ahead, SeeAhead
+from flockbrush.systems.foresight import Ahead, SeeAhead, ShiftMigration
 from flockbrush.systems.ground import Underfoot
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed
@@ -145,7 +145,7 @@ def _surroundings(world, row):
     for resource in (Near(), Sight(), ObstaclesInSight(), SightInSpace(), Ahead(), Noticed()):
         small.insert(resource)
     perceive = (See(), SeeObstacles(), SeeInSpace(), SeeAhead(), Notice())
-    for system in (Underfoot(), FindNeighbours(), *perceive, Roles(), BeAlarmed()):
+    for system in (Underfoot(), FindNeighbours(), *perceive, ShiftMigration(), Roles(), BeAlarmed()):
         system.process(small)
     return small
 

@@ -14,6 +14,7 @@ from flockbrush.levels.schema import BrushLayer, Guide, Zone
 from flockbrush.systems.explain import explain
 from small_herd import box, brush, meadow, obstacle, put, put_aloft, spawn
 
+from flockbrush.runs.run import start
 from tests.behaviours.test_models import lively
 
 
@@ -21,6 +22,14 @@ def pushed(reasons):
     """The direction in which reasons add up."""
     total = sum(vector[:2] for _, vector in reasons)
     return total / np.hypot(*total)
+
+
+def wished(agents, animal):
+    """The direction in which an animal wishes to go, in space."""
+    row = agents.row(animal)
+    if agents[Thrust.kind][row] == BY_VELOCITY:
+        return agents[Thrust.velocity][row] / np.linalg.norm(agents[Thrust.velocity][row])
+    return agents[Wish.direction][row]
 
 
 EXPLAINED = [model for model in behaviours().values() if model.explain is not None]
@@ -200,10 +209,8 @@ def test_reasons_of_models_and_drives_together_add_up_to_the_wish_in_every_mediu
         told = [explain(simulation.world, entity) for entity in simulation.agents.ids.tolist()[:9]]
         simulation.tick()
         agents = simulation.agents
-        for row, one in enumerate(told):
-            wish = agents[Wish.direction][row]
-            if flies and agents[Thrust.kind][row] == BY_VELOCITY:
-                wish = agents[Thrust.velocity][row] / np.linalg.norm(agents[Thrust.velocity][row])
+        for one in told:
+            wish = wished(agents, one.entity)
             assert one.wish == pytest.approx(wish, abs=1e-9)
             total = sum(vector for _, vector in one.reasons)
             assert total / np.linalg.norm(total) == pytest.approx(wish, abs=1e-7), one.reasons
@@ -223,3 +230,16 @@ def test_an_animal_in_a_program_says_its_state_and_why():
     found = explain(scene.world, int(scene.agents.ids[0]))
     assert (found.program, found.state, found.why) == ("small", "run", "from calm: the alarm, for 0.3 s")
     assert explain(scene.world, int(scene.agents.ids[1])).state == ""
+
+
+@pytest.mark.parametrize("level", ["river", "lake", "ridge"])  # ducks that swim, birds that land, sheep on slopes
+def test_reasons_add_up_to_the_wish_in_shipped_scenes(level):
+    simulation = start(level)
+    for _ in range(3):
+        simulation.run(64)
+        told = [explain(simulation.world, entity) for entity in simulation.agents.ids.tolist()[::7]]
+        simulation.tick()
+        for one in told:
+            wish, total = wished(simulation.agents, one.entity), sum(vector for _, vector in one.reasons)
+            assert one.wish == pytest.approx(wish, abs=1e-9)
+            assert total / np.linalg.norm(total) == pytest.approx(wish, abs=1e-7), one.reasons
