@@ -64,7 +64,7 @@ def brush_check(
 
 @brush_app.command("convert")
 def brush_convert(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Brush files with a [body] table.")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Brush files with a `body` table.")],
     species: Annotated[
         str, typer.Option(metavar="NAME", help="Species to write in made_for; default: the species whose body fits.")
     ] = "",
@@ -78,7 +78,7 @@ def brush_convert(
         ),
     ] = None,
 ):
-    """Convert brushes with a [body] table to `made_for`; write a species file if no species has that body."""
+    """Convert brushes with a `body` table to `made_for`; write a species file if no species has that body."""
     from flockbrush.cli.convert_brushes import convert_brushes
 
     convert_brushes(files, species, output)

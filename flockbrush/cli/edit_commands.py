@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flockbrush.cli.level_commands import opened, stepping
+from flockbrush.cli.level_commands import opened, stepping, warn_if_unlike
 from flockbrush.engine.files import refused
 from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
@@ -104,6 +104,7 @@ def _edit(job, kind, run, file) -> Edit:
     with ExitStack() as stack:
         with terminal.compiling():
             running.go_to(run, simulation, tick)
+            warn_if_unlike(run, simulation)
         interrupts = stack.enter_context(terminal.Interrupts())
         edits = _edited_moments(file.edits(), run, simulation, stack, interrupts)
         moment, words = edits.at(moment_of(simulation)), words_of(simulation)

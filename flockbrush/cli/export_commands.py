@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from flockbrush.cli.edit_commands import applied, told_of
-from flockbrush.cli.level_commands import opened, stepping, use_threads
+from flockbrush.cli.level_commands import opened, stepping, use_threads, warn_if_unlike
 from flockbrush.engine.recording import resume
 from flockbrush.output.export import Exports, check_exports
 from flockbrush.runs import run as running
@@ -36,6 +36,7 @@ def export_recording(path, outputs, fps, thread_count, options, json, edited=Tru
             simulation.tick()
             exports.take()
             stepped()
+        warn_if_unlike(run, simulation)
     if json:
         print_json({"recording": str(path), "exports": [str(output) for output in outputs], "ticks": run.last_tick})
     else:

@@ -227,8 +227,14 @@ def opened(path):
     changed = differing(run)
     for what in ("code", "libraries") if "build" in run.header else ("libraries",):
         if what in changed:
-            say(f"{path}: recorded with {changed[what]}: results may differ in the last bits")
+            say(f"{path}: recorded with {changed[what]}: results may differ")
     return run
+
+
+def warn_if_unlike(run, simulation):
+    """Print a warning if a replay has come to another state than was recorded."""
+    if unlike := running.unlike_recorded(run, simulation):
+        say(unlike)
 
 
 def differing(run):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flockbrush.cli.level_commands import check_plot, meaning_of, opened, stepping, use_threads
+from flockbrush.cli.level_commands import check_plot, meaning_of, opened, stepping, use_threads, warn_if_unlike
 from flockbrush.engine.parallel import threads
 from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
@@ -73,6 +73,7 @@ def measure_recording(path, plot, every, thread_count, json):
         resume(run, simulation.world)
         with stepping(Path(path).name, simulation, run.last_tick, interrupts) as step:
             series = series_of(run, simulation, every, step)
+        warn_if_unlike(run, simulation)
     if plot is not None:
         from flockbrush.output.figures import draw_series
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from flockbrush.cli.level_commands import differing, measures_table, opened, stepping, use_threads
+from flockbrush.cli.level_commands import differing, measures_table, opened, stepping, use_threads, warn_if_unlike
 from flockbrush.cli.show_desync import show_build, show_desync
 from flockbrush.engine.parallel import threads
 from flockbrush.engine.recording import RecordingError, first_difference, resume, state_hash
@@ -35,6 +35,7 @@ def replay_recording(path, verify, to_tick, thread_count, json, folder=None):
                 difference = _compare(run, simulation, watch, end, stepped)
             else:
                 running.go_to(run, simulation, end, stepped)
+                warn_if_unlike(run, simulation)
         report = _report(run, simulation)
         if verify:
             compared = sum(tick <= simulation.clock.tick for tick in run.hashes)

@@ -8,12 +8,13 @@ from __future__ import annotations
 import base64
 import html
 import tempfile
+import warnings
 from pathlib import Path
 
 from flockbrush.engine.recording import RecordedRun, resume
 from flockbrush.levels.build import Simulation
 from flockbrush.output.export import Exports
-from flockbrush.runs.run import rebuild, source_of
+from flockbrush.runs.run import rebuild, source_of, unlike_recorded
 
 HIGH = 560  # pixels of the frame in the notebook
 MOST = 200_000  # animals times frames: a longer run is shown as a still picture
@@ -33,6 +34,8 @@ def recording_html(run) -> str:
     small = len(simulation.agents) * seconds * FPS <= MOST
     name = "run.html" if small else "run.png"
     data = _exported(simulation, name, FPS if small else 0.5, run.last_tick, source=source_of(run.path))
+    if unlike := unlike_recorded(run, simulation):
+        warnings.warn(unlike, stacklevel=2)
     if small:
         return _frame(data)
     picture = base64.b64encode(data).decode()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import tempfile
+import warnings
 from pathlib import Path
 
 from flockbrush.engine.recording import RecordedRun
@@ -69,7 +70,7 @@ def _needs(*packages):
 def _export(run, path, fps):
     from flockbrush.engine.recording import resume
     from flockbrush.output.export import Exports
-    from flockbrush.runs.run import rebuild
+    from flockbrush.runs.run import rebuild, unlike_recorded
 
     simulation = rebuild(run)
     resume(run, simulation.world)
@@ -78,6 +79,8 @@ def _export(run, path, fps):
         while simulation.clock.tick < run.last_tick:
             simulation.tick()
             exports.take()
+    if unlike := unlike_recorded(run, simulation):
+        warnings.warn(unlike, stacklevel=3)
 
 
 RecordedRun.to_dataframe = to_dataframe  # type: ignore[attr-defined]

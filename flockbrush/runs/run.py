@@ -22,7 +22,7 @@ from flockbrush.engine.keyframe_spacing import KeyframeSpacing
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.engine.recording import MANY, RecordedRun, Recorder, Recording, RecordingError, resume
 from flockbrush.engine.recording_format import packed_size
-from flockbrush.engine.state import snapshot_parts
+from flockbrush.engine.state import snapshot_parts, state_hash
 from flockbrush.levels.build import Simulation, build
 from flockbrush.levels.checked_nodes import parsed_document
 from flockbrush.levels.libraries import brush_library, recorded_library
@@ -235,6 +235,18 @@ def rebuild(run: RecordedRun) -> Simulation:
             f"{run.path}: recorded with a tick of {run.header['dt']} s; this version uses {simulation.clock.dt} s"
         )
     return simulation
+
+
+def unlike_recorded(run: RecordedRun, simulation: Simulation) -> str:
+    """A sentence if the simulation of a recording is in another state than was recorded for this tick, or ""."""
+    tick = simulation.clock.tick
+    if run.hashes.get(tick) in (None, state_hash(simulation.world)):
+        return ""
+    return (
+        f"{run.path}: this is not what was recorded: the state at tick {tick} differs. The code that recorded it "
+        f"(flockbrush {run.header.get('flockbrush', 'of an unknown version')}) shows the recorded motion; "
+        "`flockbrush replay --verify` says where the two part"
+    )
 
 
 def go_to(run: RecordedRun, simulation: Simulation, tick: int, stop=lambda tick: None):

@@ -145,6 +145,7 @@ def open_recorded(path, state_folder=None) -> Session:
     """
     run = open_recording(path)
     simulation = running.rebuild(run)
+    unlike = running.unlike_recorded(run, simulation)
     recovery = None
     try:
         level, library = running.embedded_level(run)
@@ -153,6 +154,7 @@ def open_recorded(path, state_folder=None) -> Session:
         branch = Branch.begun(MAIN, Beginning(level, library, run.header["seed"], run.header.get("agents")), simulation)
         branch.header, branch.assets = run.header, run.assets
         branch.take_over(run, simulation.world, KEYFRAME_BYTES // 2)
+        branch.differs = 0 if unlike else None
         timeline = Timeline.resumed({MAIN: branch}, MAIN, recovery.folder, sample_of, at=0)
     except WentWrong as error:
         if recovery is not None:
@@ -171,8 +173,8 @@ def open_recorded(path, state_folder=None) -> Session:
     session._edit()
     session.recorded = run.last_tick * run.header["dt"]
     session.edits, why = edits_of_recording(path)
-    if why:
-        session._say("warning", why)
+    for warning in filter(None, (why, unlike)):
+        session._say("warning", warning)
     return session
 
 

@@ -208,7 +208,8 @@ class Timeline:
         if known is not None and branch.differs is None and state_hash(self.simulation.world) != known:
             branch.differs = now
             self.tell(
-                f"tick {now} of {branch.name} gave another state when it was simulated again; please report this bug"
+                f"tick {now} of {branch.name} gave another state than the known one: what follows is another motion; "
+                "if no other version recorded it, please report this bug"
             )
 
     # going -----------------------------------------------------------------------

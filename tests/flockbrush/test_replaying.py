@@ -13,6 +13,8 @@ from flockbrush.systems.commands import AddAnimals, PaintBrush, SwitchBrush
 from pens import pen
 from processes import other_process
 
+import flockbrush
+from flockbrush.output.notebook import recording_html
 from flockbrush.runs.run import rebuild, record, start
 
 
@@ -248,3 +250,22 @@ def test_the_state_of_a_replay_is_the_state_of_the_run(cli, level, recording):
     simulation.run(40)
     assert report["hash"] == run.hashes[40] == state_hash(simulation.world)
     assert os.path.getsize(recording) < 60_000
+
+
+@pytest.mark.parametrize(
+    "command", [("replay",), ("measure", "--json"), ("export", "--to", "out.csv")], ids=lambda c: c[0]
+)
+def test_motion_that_was_not_recorded_is_not_shown_without_a_word(cli, recording, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    other = copied(recording, tmp_path / "other.flock", hashes={40: "0" * 16})
+    name, *options = command
+    assert "this is not what was recorded: the state at tick 40 differs" in cli(name, other, *options).err
+    assert "not what was recorded" not in cli(name, recording, *options).err
+
+
+def test_tables_and_pages_in_python_warn_of_motion_that_was_not_recorded(recording, tmp_path):
+    pytest.importorskip("pandas")
+    other = copied(recording, tmp_path / "other.flock", hashes={40: "0" * 16})
+    for shown in (lambda run: run.to_dataframe(), recording_html):
+        with pytest.warns(UserWarning, match="not what was recorded"):
+            shown(flockbrush.open_recording(other))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import typer
-from flockbrush.engine.recording import RecordingError
+from flockbrush.engine.recording import RecordingError, open_recording
 from flockbrush.engine.state import state_hash
 from small_pasture import pasture, stroke, verified
 from typer.testing import CliRunner
@@ -37,6 +37,17 @@ def session(recording, tmp_path):
 def test_it_begins_at_the_first_tick_with_all_of_the_run_known(session):
     assert (session.tick, session.last_tick, session.in_past) == (0, TICKS, True)
     assert any("walk.flock: 3 s" in notice.text for notice in session.notices())
+
+
+def test_it_says_when_this_version_shows_another_motion_than_was_recorded(recording, tmp_path, monkeypatch):
+    run = open_recording(recording)
+    run.hashes[0] = "0" * 16
+    monkeypatch.setattr("flockbrush.studio.recorded_session.open_recording", lambda path: run)
+    session = open_recorded(recording, tmp_path / "state")
+    session.scrub(40)
+    warnings = [notice.text for notice in session.notices() if notice.kind == "warning"]
+    session.close()
+    assert len(warnings) == 1 and "this is not what was recorded" in warnings[0]
 
 
 def test_any_moment_can_be_reached_and_is_what_was_recorded(session):

@@ -190,7 +190,7 @@ def test_a_past_that_comes_out_differently_is_told_once(level, monkeypatch):
     lived(timeline, 12).go_to(1)
     timeline.simulation.agents[Position.xyz][0, 0] += 1e-9
     timeline.go_to(7)
-    assert told == ["tick 2 of pasture gave another state when it was simulated again; please report this bug"]
+    assert len(told) == 1 and told[0].startswith("tick 2 of pasture gave another state than the known one")
     timeline.close()
 
 
