@@ -27,7 +27,7 @@ class Params(DriveParameters):
     room: float = quantity(0.5, "body lengths", "free space kept beside the body", 0, 20)
 
 
-@drive("avoid_obstacles", Params)
+@drive("avoid_obstacles", Params, safety=True)
 def avoid_obstacles(scene, rows, p):
     """The nearest free way."""
     bodies = scene.bodies
