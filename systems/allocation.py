@@ -135,7 +135,7 @@ def with_wishes(world, scene):
         own[says[rows]] = wished[rows[says[rows]]]
         thrusts = agents[Thrust.kind][rows] == BY_ACCELERATION
         own[thrusts] = (scene.velocity + TAKES_UP * agents[Thrust.acceleration])[rows[thrusts]]
-        wished[rows] = where_sent(world, scene, rows, own[:, 2] * aloft[rows])
+        where_sent(world, scene, rows, own[:, 2] * aloft[rows], wished)
     return scene._replace(bodies=frozen(scene.bodies._replace(wished=wished)))
 
 

@@ -14,7 +14,9 @@ from __future__ import annotations
 from dataclasses import field
 
 import numpy as np
+from flockbrush.behaviours.behaviour import air_of, frozen
 from flockbrush.behaviours.drive import TAKES_UP
+from flockbrush.behaviours.drives.avoid_obstacles import past_solids
 from flockbrush.components import Body, BrushBinding, Ground, Leading, Position, Role, Species
 from flockbrush.components.agent import DIRECTION, NOWHERE, POINT
 from flockbrush.engine.commands import command
@@ -151,24 +153,33 @@ def _way_to(world, rows):
     return way if wrap is None else way - wrap * np.floor(way / wrap + 0.5)
 
 
-def where_sent(world, scene, rows, rise):
-    """(k, 3) m/s: the velocity that takes each of these steered animals where it is sent, as fast as it can turn.
+def where_sent(world, scene, rows, rise, wished):
+    """Write the velocities that take these steered animals where they are sent, as fast as they can turn.
+
+    Those in the air pass what stands in their way.
 
     Parameters
     ----------
     rise : ndarray (k,)
-        m/s, up; as its model wishes.
+        m/s, up; as their models wish.
+    wished : ndarray (n, 3)
+        m/s, by row.
     """
-    agents, bodies, sent = world.agents, scene.bodies, np.empty((len(rows), 3))
+    agents, bodies = world.agents, scene.bodies
     place = agents[Leading.kind][rows] == POINT
     way = np.where(place[:, None], _way_to(world, rows), agents[Leading.target][rows])
-    _send(rows, scene.animals, bodies.aloft, place, way, _limits(world, rows), sent)
-    sent[:, 2] = np.clip(rise, -bodies.sink[rows], bodies.climb[rows])
-    return sent
+    _send(rows, scene.animals, bodies.aloft, place, way, _limits(world, rows), wished)
+    wished[rows, 2] = np.clip(rise, -bodies.sink[rows], bodies.climb[rows])
+    if not len(bodies.solids.kind):
+        return
+    hit, aim, bodies = np.full(len(rows), np.inf), np.zeros((len(rows), 3)), frozen(bodies._replace(wished=wished))
+    past_solids(rows, bodies, scene.animals, air_of(scene).up, hit, aim)
+    ahead = hit < np.where(place, np.sqrt((way * way).sum(axis=1)), np.inf)
+    wished[rows[ahead]] = np.sqrt((wished[rows[ahead]] ** 2).sum(axis=1))[:, None] * aim[ahead]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _send(rows, animals, aloft, place, way, limits, sent):
+def _send(rows, animals, aloft, place, way, limits, wished):
     forward, velocity, length, speed = animals.forward, animals.velocity, animals.length, animals.speed
     slowest, turn, most = limits
     for k in range(len(rows)):
@@ -184,7 +195,7 @@ def _send(rows, animals, aloft, place, way, limits, sent):
         limit = min(TAKES_UP * (rate if aloft[i] else turn[k]), WIDEST)
         sine, cosine = sincos_(min(max(angle, -limit), limit))
         per = pace / max(np.sqrt(fx * fx + fy * fy), 1e-9)
-        sent[k, 0], sent[k, 1] = per * (cosine * fx - sine * fy), per * (sine * fx + cosine * fy)
+        wished[i, 0], wished[i, 1] = per * (cosine * fx - sine * fy), per * (sine * fx + cosine * fy)
 
 
 def lead_by_brush(world):

@@ -186,13 +186,13 @@ def _shares(ask, strength, average):
     return np.minimum(left / np.maximum(size, 1e-300), 1.0)
 
 
-@behaviour("boids", Params, flight=flight, explain=explain, has=("avoid_obstacles", "flee"), by_slot=True)
+@behaviour("boids", Params, flight=flight, explain=explain, has=("flee",), by_slot=True)
 def steer(scene, rows, p):
     """The acceleration that the urges agree on."""
     return _wishes(scene, rows, p, np.zeros((0, len(URGES), 3)))
 
 
-@behaviour("raptor", Params, danger=True, flight=flight, explain=explain, has=("avoid_obstacles", "flee"), by_slot=True)
+@behaviour("raptor", Params, danger=True, flight=flight, explain=explain, has=("flee",), by_slot=True)
 def stoop(scene, rows, p):
     """A boid that others flee from; the script sends it."""
     return steer(scene, rows, p)
