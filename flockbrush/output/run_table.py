@@ -117,7 +117,7 @@ def read_run_table(path) -> RunTable | None:
     except ValidationError:
         return None
     table = read_table(path, limits.TRACKS_BYTES, limits.TRACK_ROWS)
-    header = next(table, (1, []))[1]
+    header: list[str] = next(table, (1, []))[1]
     if not {*NUMBERS, *WORDS[:3]} <= set(header):
         return None
     at = [header.index(name) for name in NUMBERS]
