@@ -207,7 +207,7 @@ class Bodies(NamedTuple):
     family: np.ndarray  # (n,) int32, number of the family; 0: none
     solids: Any  # what is in the way of those in the air (`flockbrush.engine.solids.Solids`)
     foresight: np.ndarray  # (n,) s of flight that each looks ahead
-    wished: np.ndarray  # (n, 3) m/s, what the models wish (`flockbrush.systems.allocation.with_wishes`)
+    wished: np.ndarray  # (n, 3) m/s, what models wish, where the steered are sent (`systems.allocation.with_wishes`)
 
 
 def kinds_in(scene: Scene) -> Kinds:

@@ -54,19 +54,29 @@ class Drive:
     Params: type[DriveParameters]
     doc: str
     always: bool = False  # acts under every brush that says nothing of it
+    safety: bool = False  # keeps the body whole: acts also on animals that are steered
     notices: tuple[str, ...] = ()  # of the relations hunt and follow, those whose animals it asks for
 
 
 _registry: dict[str, Drive] = {}
 
 
-def drive(name: str, Params: type[DriveParameters], always: bool = False, notices: tuple[str, ...] = ()):
+def drive(
+    name: str,
+    Params: type[DriveParameters],
+    always: bool = False,
+    safety: bool = False,
+    notices: tuple[str, ...] = (),
+):
     """Register ``urge(scene, rows, params) -> Urges``; None where it has nothing to ask for.
 
     Parameters
     ----------
     always : bool
         It acts under every brush that does not mention it, unless the brush's model does the same by itself.
+    safety : bool
+        It keeps the body whole, and so acts on steered animals (`flockbrush.systems.leaders.Steer`), too; other drives
+        do not.
     notices : tuple of str
         ``hunt`` and ``follow`` where it needs to know whom the species hunts or follows; dangers are always noticed.
 
@@ -80,7 +90,7 @@ def drive(name: str, Params: type[DriveParameters], always: bool = False, notice
         if name in _registry:
             raise ValueError(f"drive {name!r} is already in {_registry[name].urge.__module__}")
         doc = importlib.import_module(urge.__module__).__doc__ or ""
-        _registry[name] = Drive(name, urge, Params, doc, always, notices)
+        _registry[name] = Drive(name, urge, Params, doc, always, safety, notices)
         return urge
 
     return register
@@ -106,12 +116,24 @@ def drives_of(brush, model) -> list[tuple[Drive, Any]]:
     Those that always act, or act on top of its model, come first, then those of the brush in the order of its file.
     """
     known = drives()
-    active = [
-        (one, one.Params())
-        for one in known.values()
-        if (one.always or one.name in model.needs) and one.name not in brush.drives and one.name not in model.has
-    ]
-    active += [(known[name], params) for name, params in brush.drives.items()]
+    return _with_those_of(brush, [
+        one for one in known.values() if (one.always or one.name in model.needs) and one.name not in model.has
+    ])  # fmt: skip
+
+
+def drives_of_steered(brush, model) -> list[tuple[Drive, Any]]:
+    """The drives that act on steered animals: those that keep the body whole, and then the way where they are sent.
+
+    As nothing is left to the model, drives do what it does by itself.
+    """
+    usual = [one for one in drives().values() if one.always or one.name in (*model.needs, *model.has)]
+    return [*((one, p) for one, p in _with_those_of(brush, usual) if one.safety), (STEERED, DriveParameters())]
+
+
+def _with_those_of(brush, usual):
+    """These drives, unless the brush mentions them, and those of the brush; without those that are switched off."""
+    active = [(one, one.Params()) for one in usual if one.name not in brush.drives]
+    active += [(drives()[name], params) for name, params in brush.drives.items()]
     return [(one, params) for one, params in active if params.strength > 0.0]
 
 
@@ -121,6 +143,15 @@ def towards(velocity, velocity_wish, most):
     size = np.sqrt((change**2).sum(axis=1))
     share = np.minimum(1.0, most / np.maximum(size, 1e-300))
     return change * share[:, None]
+
+
+def _where_sent(scene, rows, p):
+    """All that is left of the body goes where the animal is sent."""
+    bodies = scene.bodies
+    return Urges(towards(scene.velocity[rows], bodies.wished[rows], bodies.acceleration[rows]), np.ones(len(rows)))
+
+
+STEERED = Drive("steered", _where_sent, DriveParameters, "Where a leader is sent; no brush names it.")
 
 
 def unit_rows(vectors):

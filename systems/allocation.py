@@ -19,6 +19,7 @@ from flockbrush.components import (
     Body,
     BrushBinding,
     Family,
+    Leading,
     Position,
     Species,
     Thrust,
@@ -32,6 +33,7 @@ from flockbrush.systems.fauna import FEAR, NO_LIMIT, SpeciesList, by_medium, kin
 from flockbrush.systems.foresight import Ahead
 from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.leaders import where_sent
 from flockbrush.systems.noticing import Noticed
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near
@@ -82,7 +84,8 @@ def bodies_of(world, speed):
         m/s, what the speed process says now.
     """
     agents, palette = world.agents, world.resource(Palette)
-    quiet = world.resource(Noticed).lists is None and not (agents[Alarm.level].any() or agents[Transit.kind].any())
+    quiet = world.resource(Noticed).lists is None
+    quiet &= not (agents[Alarm.level].any() or agents[Transit.kind].any() or agents[Leading.kind].any())
     near, ahead, hilly = world.resource(Near), world.resource(Ahead), world.resource(Landscape).relief.size > 3
     foresees = hilly or (len(ahead.solids.kind) > 0 and palette.drives_needed.any())
     if quiet and not palette.drives_asked.any() and not (foresees and near.aloft is not None):
@@ -118,14 +121,29 @@ def bodies_of(world, speed):
 
 
 def with_wishes(world, scene):
-    """The scene with the velocities that models say, for drives that look where an animal wishes to go."""
+    """The scene with the velocities that models say, for drives that look where an animal wishes to go.
+
+    Steered animals wish to go where they are sent, and up or down as their model wishes.
+    """
     if scene.bodies is None:
         return scene
-    agents = world.agents
-    says = scene.bodies.aloft & (agents[Thrust.kind] == BY_VELOCITY)
-    return scene._replace(
-        bodies=frozen(scene.bodies._replace(wished=np.where(says[:, None], agents[Thrust.velocity], 0.0)))
-    )
+    agents, aloft = world.agents, scene.bodies.aloft
+    says = aloft & (agents[Thrust.kind] == BY_VELOCITY)
+    wished, rows = np.where(says[:, None], agents[Thrust.velocity], 0.0), np.flatnonzero(agents[Leading.kind])
+    if len(rows):
+        own = model_velocity(scene, agents, rows)
+        own[says[rows]] = wished[rows[says[rows]]]
+        thrusts = agents[Thrust.kind][rows] == BY_ACCELERATION
+        own[thrusts] = (scene.velocity + TAKES_UP * agents[Thrust.acceleration])[rows[thrusts]]
+        where_sent(world, scene, rows, own[:, 2] * aloft[rows], wished)
+    return scene._replace(bodies=frozen(scene.bodies._replace(wished=wished)))
+
+
+def drives_by_rows(world, brush, rows):
+    """[(rows, drives)] of one brush: of those who are not steered, and of the steered."""
+    palette, steered = world.resource(Palette), world.agents[Leading.kind][rows] > 0
+    both = (rows[~steered], palette.drives[brush]), (rows[steered], palette.drives_steered[brush])
+    return [(some, drives) for some, drives in both if len(some)]
 
 
 def asked(scene, rows, drives) -> Shares | None:
@@ -160,7 +178,7 @@ def allocate(world, scene, taken: Shares):
     own = model_velocity(scene, agents, rows)
     own[says] = agents[Thrust.velocity][rows[says]]
     wanted = left * own + total[:, None] * velocity + TAKES_UP * pushed
-    thrusts = bodies.aloft[rows] & (kind == BY_ACCELERATION)
+    thrusts = world.resource(Palette).flies[agents[BrushBinding.brush][rows]] & (kind == BY_ACCELERATION)
     some = rows[thrusts]
     agents[Thrust.acceleration][some] = left[thrusts] * agents[Thrust.acceleration][some] + pushed[thrusts]
     some = rows[says]  # at once as far as the model alone would, and as the body can
@@ -188,4 +206,7 @@ def cut(vectors, most):
     return vectors * np.minimum(1.0, most / np.maximum(size, 1e-300))[:, None]
 
 
-__all__ = ["NO_LIMIT", "Shares", "allocate", "asked", "bodies_of", "dangers_of", "kin", "relations_of", "with_wishes"]
+__all__ = [
+    "NO_LIMIT", "Shares", "allocate", "asked", "bodies_of", "dangers_of", "drives_by_rows", "kin", "relations_of",
+    "with_wishes",
+]  # fmt: skip

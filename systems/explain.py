@@ -29,7 +29,7 @@ from flockbrush.components.agent import BY_VELOCITY
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.world import World
-from flockbrush.systems.allocation import asked
+from flockbrush.systems.allocation import asked, drives_by_rows
 from flockbrush.systems.decide import Roles
 from flockbrush.systems.fauna import SpeciesList, kinds_of
 from flockbrush.systems.foresight import Ahead, SeeAhead, ShiftMigration
@@ -159,7 +159,7 @@ def _explained(small, entity):
     own = _own_wish(agents, aloft, scene, row)
     reasons = _reasons(palette, agents, scene, row, own)
     steer.ask_drives(small, scene)
-    reasons, shares = _with_drives(palette, agents, aloft, scene, row, own, reasons)
+    reasons, shares = _with_drives(small, aloft, scene, row, own, reasons)
     brush, previous, blend = (
         agents[column][row] for column in (BrushBinding.brush, BrushBinding.previous, BrushBinding.blend)
     )
@@ -210,10 +210,11 @@ def _reasons(palette, agents, scene, row, own):
     return {"heading": heading, palette.brushes[brush].model: own - heading}
 
 
-def _with_drives(palette, agents, aloft, scene, row, own, reasons):
+def _with_drives(small, aloft, scene, row, own, reasons):
     """The reasons of model and drives together, and the shares of the drives."""
-    brush = agents[BrushBinding.brush][row]
-    drive_shares = None if scene.bodies is None else asked(scene, np.array([row], np.int32), palette.drives[brush])
+    agents = small.agents
+    [(rows, drives)] = drives_by_rows(small, agents[BrushBinding.brush][row], np.array([row], np.int32))
+    drive_shares = None if scene.bodies is None else asked(scene, rows, drives)
     total = 0.0 if drive_shares is None else float(drive_shares.share.sum())
     if drive_shares is None or total <= 0.0:
         return reasons, {}

@@ -16,6 +16,7 @@ from flockbrush.components import (
     BrushBinding,
     Destination,
     Heading,
+    Leading,
     Migration,
     Position,
     ReferenceBird,
@@ -101,9 +102,10 @@ def _keep(world, rows, met, p, sees, leads, variant):
     place, arm = agents[FormationPlace.place][rows].astype(np.int64), agents[FormationPlace.arm][rows].astype(np.int64)
     reference = _rows_of(ids, rows, agents[FormationPlace.reference][rows])
     xy, wrap = agents[Position.xyz][rows, :2], world.resource(Landscape).wrap
-    leader = _leader(place, leads, xy, forward)
+    appointed = agents[Leading.appointed][rows] > 0
+    leader = _leader(place, appointed if appointed.any() else leads, xy, forward)
     led = agents[FormationPlace.led][rows]
-    if p.turns > 0.0 and led[leader] >= p.turns and n > 2:
+    if p.turns > 0.0 and led[leader] >= p.turns and n > 2 and not appointed[leader]:
         leader = _change_leader(leader, reference, arm, place)
         led = np.zeros(n)
     place[(place == 0) & (np.arange(n) != leader)] = -1
@@ -158,8 +160,9 @@ def _rows_of(ids, rows, entities):
 
 
 def _leader(place, leads, xy, forward):
-    """Who has led a skein so far; of several, or where nobody has, the front-most."""
-    candidates = next((np.flatnonzero(some) for some in (leads, place == 0) if some.any()), np.arange(len(place)))
+    """Who has led a skein so far, or is appointed; of several, or where nobody has, the front-most."""
+    some = next((some for some in (leads & (place == 0), leads, place == 0) if some.any()), np.full(len(place), True))
+    candidates = np.flatnonzero(some)
     if len(candidates) == 1:
         return int(candidates[0])
     ahead = _unit(np.array([_sum(forward[:, 0]), _sum(forward[:, 1])]))

@@ -28,7 +28,7 @@ from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.binding import Bindable, MediaChange, mix_paint, painted_for, through_media
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.leaders import hold_back, steer_leaders
+from flockbrush.systems.leaders import arrive
 from flockbrush.systems.navigation import follow
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.terrain import NO_BRUSH, Footing, underfoot
@@ -65,8 +65,7 @@ class Underfoot(System):
         steepest = world.resource(SpeciesList).table.steepest
         ways = land.ways_for(steepest, agents[Species.index], agents[Destination.goal])
         over_rows(follow, n, xyz, ways, land.navigation.cell, land.navigation.fields, agents[Ground.guidance])
-        steer_leaders(agents)
-        hold_back(agents, palette)
+        arrive(world)
         b = BrushBinding
         animals = Bindable(
             agents.ids, agents[Species.index], agents[b.brush], agents[b.home], xyz, agents[Velocity.xyz],

@@ -111,28 +111,43 @@ def summary(world):
     where there are any.
     """
     agents = world.agents
-    kinds, brushes = world.resource(SpeciesList).names, world.resource(Palette).names
-    found = groups_of(world)
+    kinds, brushes = np.array(world.resource(SpeciesList).names), np.array(world.resource(Palette).names)
+    return parts_of(
+        lambda rows: measures_of(world, rows), kinds[agents[Species.index]], brushes[agents[BrushBinding.brush]],
+        groups_of(world), agents[Family.number],
+    )  # fmt: skip
+
+
+def parts_of(measured, species, brush, group, family):
+    """What `summary` gives, of any animals.
+
+    Parameters
+    ----------
+    measured : callable
+        Function of rows that gives their measures.
+    species, brush : (n,) ndarray of str
+    group, family : (n,) ndarray of int
+        Family 0 is none.
+    """
     return {
-        "species": _by(world, agents[Species.index], kinds),
-        "brushes": _by(world, agents[BrushBinding.brush], brushes),
+        "species": _by(measured, species),
+        "brushes": _by(measured, brush),
         "groups": [
-            {"group": number, "species": sorted({kinds[k] for k in agents[Species.index][rows]})}
-            | measures_of(world, rows)
-            | _families(world, rows)
-            for number, rows in _rows_of_groups(found)
+            {"group": number, "species": np.unique(species[rows]).tolist()}
+            | measured(rows)
+            | _families(measured, family[rows], rows)
+            for number, rows in _rows_of_groups(group)
         ],
     }
 
 
-def _by(world, codes, names):
-    return {names[code]: measures_of(world, np.flatnonzero(codes == code)) for code in np.unique(codes)}
+def _by(measured, names):
+    return {str(name): measured(np.flatnonzero(names == name)) for name in dict.fromkeys(sorted(names.tolist()))}
 
 
-def _families(world, rows):
-    numbers = world.agents[Family.number][rows]
+def _families(measured, numbers, rows):
     families = [(number, part) for number, part in _rows_of_groups(numbers) if number]
-    told = [{"family": number} | measures_of(world, rows[part]) for number, part in families]
+    told = [{"family": number} | measured(rows[part]) for number, part in families]
     return {"families": told} if told else {}
 
 

@@ -4,6 +4,9 @@ By the paper's rule (Gong et al. 2025, section 5.1) an animal leads that sees at
 to nobody does, and a guide is dead.  So a brush says who follows a guide where there is one: ``guided`` is ``front``
 (the paper's rule alone), ``everyone``, a ``share`` of the animals, or those ``appointed``.  Whoever is appointed
 always leads.
+
+A steered animal of any model goes where it is sent: its wish to go there takes what the drives that keep the body whole
+leave (`flockbrush.behaviours.drive.drives_of_steered`), so that nothing is left to its model and to other drives.
 """
 
 from __future__ import annotations
@@ -11,17 +14,27 @@ from __future__ import annotations
 from dataclasses import field
 
 import numpy as np
-from flockbrush.components import Body, BrushBinding, Ground, Leading, Position, Role
+from flockbrush.behaviours.behaviour import air_of, frozen
+from flockbrush.behaviours.drive import TAKES_UP
+from flockbrush.behaviours.drives.avoid_obstacles import past_solids
+from flockbrush.components import Body, BrushBinding, Ground, Leading, Position, Role, Species
 from flockbrush.components.agent import DIRECTION, NOWHERE, POINT
 from flockbrush.engine.commands import command
+from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.noise import Noise, uniform_
 from flockbrush.engine.parallel import over_rows
+from flockbrush.systems.fauna import SpeciesList, by_medium
+from flockbrush.systems.flight import MAX_ACCELERATION
+from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.selection import OfAnimals, check_circle
 from flockbrush.systems.undo import need, need_entities, rows_of
 from numba import njit
 
 ARRIVED = 1.0  # body lengths from the place where it is sent: there a steered animal stops being steered
+WALK = 1.0  # body lengths per second: slower brushes hold nobody back that is steered
+STAND = 1e-6  # m/s: standing animals keep their heading
+WIDEST = 2.7  # rad to the side of the heading that are asked for: what is straight behind has no side
 KINDS = {"free": NOWHERE, "direction": DIRECTION, "place": POINT}
 
 
@@ -73,9 +86,10 @@ class Appoint(ToLeaders):
 class Steer(ToLeaders):
     """Send appointed animals: ``kind`` is direction (x east, y north, length at most 1), place (m), or free.
 
-    The length of a direction is the share of its own speed at which a walker goes; with 0 it stands.  Free animals
-    follow the guides.  An animal that has come to its place is free again.  Without numbers it sends the appointed
-    ones of a species, or those within ``radius`` of (at_x, at_y).
+    The length of a direction is the share of its own speed at which it goes.  With 0 it stands; who cannot stand, in
+    the air, goes straight on as slowly as it can.  Free animals do what their model and their drives say.  An animal
+    that has come to its place is free again.  Without numbers it sends the appointed ones of a species, or those within
+    ``radius`` of (at_x, at_y).
     """
 
     changes = (Leading.kind, Leading.target)
@@ -108,31 +122,80 @@ class Steer(ToLeaders):
         world.agents[Leading.target][rows] = (0.0, 0.0) if self.kind == "free" else (self.x, self.y)
 
 
-def steer_leaders(agents):
-    """Put the wishes of whoever steers in the place of the guides, for steered animals alone."""
-    rows = np.flatnonzero(agents[Leading.kind])
+def arrive(world):
+    """Who has come to the place where it is sent is free again."""
+    agents = world.agents
+    rows = np.flatnonzero(agents[Leading.kind] == POINT)
     if not len(rows):
         return
-    kind, target = agents[Leading.kind][rows], agents[Leading.target][rows]
-    way = np.where((kind == POINT)[:, None], target - agents[Position.xyz][rows, :2], target)
-    far = np.sqrt((way * way).sum(1))
-    arrived = (kind == POINT) & (far <= ARRIVED * agents[Body.length][rows])
-    scale = np.where(kind == POINT, 1.0 / np.maximum(far, 1e-12), 1.0)
-    agents[Ground.guidance][rows] = np.where(arrived[:, None], 0.0, way * scale[:, None])
-    agents[Leading.kind][rows[arrived]] = NOWHERE
-    agents[Leading.target][rows[arrived]] = 0.0
+    length, way, (slowest, turn, most) = agents[Body.length][rows], _way_to(world, rows), _limits(world, rows)
+    circle = np.maximum(slowest / turn, slowest**2 / most)  # whoever cannot stand goes round a place in it for ever
+    there = rows[np.sqrt((way * way).sum(axis=1)) <= np.maximum(ARRIVED * length, circle)]
+    agents[Leading.kind][there] = NOWHERE
+    agents[Leading.target][there] = 0.0
 
 
-def hold_back(agents, palette):
-    """Walkers that are steered by a direction shorter than 1 go no faster than that share of their speed."""
-    rows = np.flatnonzero(agents[Leading.kind] == DIRECTION)
-    if not len(rows):
+def _limits(world, rows):
+    """(k,) m/s, rad/s and m/s²: the slowest that each can go, and the most that it can turn and accelerate."""
+    agents, palette, table = world.agents, world.resource(Palette), world.resource(SpeciesList).table
+    brush, length, species = agents[BrushBinding.brush][rows], agents[Body.length][rows], agents[Species.index][rows]
+    aloft = palette.flies_free[brush]
+    turn, most = by_medium(table, species, aloft, table.turn, table.acceleration)
+    slowest = np.maximum(palette.least_speed[brush] * length, np.where(aloft, table.slowest[species], 0.0))
+    most = np.minimum(most, palette.flight[brush, MAX_ACCELERATION] * length)
+    return slowest, np.minimum(turn, palette.max_turn[brush]), most
+
+
+def _way_to(world, rows):
+    """(k, 2) m from each of these to the place where it is sent, across a seam if that is shorter."""
+    agents, wrap = world.agents, world.resource(Landscape).wrap
+    way = agents[Leading.target][rows] - agents[Position.xyz][rows, :2]
+    return way if wrap is None else way - wrap * np.floor(way / wrap + 0.5)
+
+
+def where_sent(world, scene, rows, rise, wished):
+    """Write the velocities that take these steered animals where they are sent, as fast as they can turn.
+
+    Those in the air pass what stands in their way.
+
+    Parameters
+    ----------
+    rise : ndarray (k,)
+        m/s, up; as their models wish.
+    wished : ndarray (n, 3)
+        m/s, by row.
+    """
+    agents, bodies = world.agents, scene.bodies
+    place = agents[Leading.kind][rows] == POINT
+    way = np.where(place[:, None], _way_to(world, rows), agents[Leading.target][rows])
+    _send(rows, scene.animals, bodies.aloft, place, way, _limits(world, rows), wished)
+    wished[rows, 2] = np.clip(rise, -bodies.sink[rows], bodies.climb[rows])
+    if not len(bodies.solids.kind):
         return
-    brush = agents[BrushBinding.brush][rows]
-    share = np.sqrt((agents[Leading.target][rows] ** 2).sum(1))
-    most = share * palette.mean[brush] * agents[Body.length][rows]
-    held = ~palette.flies_free[brush] & (share < 1.0 - 1e-9)
-    agents[Ground.cap][rows[held]] = np.minimum(agents[Ground.cap][rows[held]], most[held])
+    hit, aim, bodies = np.full(len(rows), np.inf), np.zeros((len(rows), 3)), frozen(bodies._replace(wished=wished))
+    past_solids(rows, bodies, scene.animals, air_of(scene).up, hit, aim)
+    ahead = hit < np.where(place, np.sqrt((way * way).sum(axis=1)), np.inf)
+    wished[rows[ahead]] = np.sqrt((wished[rows[ahead]] ** 2).sum(axis=1))[:, None] * aim[ahead]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _send(rows, animals, aloft, place, way, limits, wished):
+    forward, velocity, length, speed = animals.forward, animals.velocity, animals.length, animals.speed
+    slowest, turn, most = limits
+    for k in range(len(rows)):
+        i = rows[k]
+        x, y, fx, fy = way[k, 0], way[k, 1], forward[i, 0], forward[i, 1]
+        far = np.sqrt(x * x + y * y)
+        fast = np.sqrt(velocity[i, 0] ** 2 + velocity[i, 1] ** 2)
+        rate = min(turn[k], most[k] / max(fast, 1e-6))
+        pace = max(speed[i], WALK * length[i])
+        pace = min(pace, 0.5 * rate * far) if place[k] else pace * far
+        pace = max(pace, slowest[k], STAND)
+        angle = atan2_(fx * y - fy * x, fx * x + fy * y) if far > 0.0 else 0.0
+        limit = min(TAKES_UP * (rate if aloft[i] else turn[k]), WIDEST)
+        sine, cosine = sincos_(min(max(angle, -limit), limit))
+        per = pace / max(np.sqrt(fx * fx + fy * fy), 1e-9)
+        wished[i, 0], wished[i, 1] = per * (cosine * fx - sine * fy), per * (sine * fx + cosine * fy)
 
 
 def lead_by_brush(world):

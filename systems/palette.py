@@ -8,7 +8,7 @@ import numpy as np
 from flockbrush.behaviours.behaviour import GUIDED, Flight, behaviours
 from flockbrush.behaviours.brush import load_brush
 from flockbrush.behaviours.brush_tables import SIGHTS
-from flockbrush.behaviours.drive import drives_of
+from flockbrush.behaviours.drive import drives_of, drives_of_steered
 from flockbrush.behaviours.mixture import STEPS, can_mix, is_step, load_path, step_name, steps_between
 from flockbrush.engine.maths import sincos_
 
@@ -214,6 +214,7 @@ class Palette:
         self.foresight = np.array([max(f.foresight, look) for f, look in zip(flights, looks, strict=True)])
         self.grounded = np.array([flight.grounded for flight in flights], bool)
         self.drives = [drives_of(b, models[b.model]) for b in self.brushes]  # in order of priority
+        self.drives_steered = [drives_of_steered(b, models[b.model]) for b in self.brushes]
         self.drives_asked = column(lambda b: any(params.strength > 0.0 for params in b.drives.values())).astype(bool)
         self.drives_needed = np.array([bool(model.needs) for model in self.models], bool)
         verbs = {verb for row in self.drives for one, _ in row for verb in one.notices}

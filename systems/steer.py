@@ -15,6 +15,7 @@ from flockbrush.components import (
     FormationPlace,
     Ground,
     Heading,
+    Leading,
     Memory,
     Migration,
     Position,
@@ -32,7 +33,16 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.systems.allocation import allocate, asked, bodies_of, dangers_of, kin, relations_of, with_wishes
+from flockbrush.systems.allocation import (
+    allocate,
+    asked,
+    bodies_of,
+    dangers_of,
+    drives_by_rows,
+    kin,
+    relations_of,
+    with_wishes,
+)
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.foresight import Ahead
 from flockbrush.systems.landscape import Landscape
@@ -55,7 +65,7 @@ class AskModels(System):
     stage = Stage.STEER
     reads = (
         Position, Velocity, Heading, Body, Species, Role, BrushBinding, Speed, Ground, Memory, Airborne, Migration,
-        Destination, FormationPlace, Family, Transit, Near, Sight, SightInSpace, ObstaclesInSight, Ahead,
+        Destination, FormationPlace, Family, Transit, Leading, Near, Sight, SightInSpace, ObstaclesInSight, Ahead,
         Landscape, Palette, Clock, Noise, Noticed, SpeciesList, Alarm,
     )  # fmt: skip
     writes = (Wish, Thrust, Urge)
@@ -92,16 +102,16 @@ class AskModels(System):
     @staticmethod
     def ask_drives(world, scene):
         """Apply drives on top of the wishes of the models."""
-        palette, binding = world.resource(Palette), world.agents[BrushBinding.brush]
-        share = world.agents[Urge.share]
+        binding, share = world.agents[BrushBinding.brush], world.agents[Urge.share]
         if share.any():
             share[:] = 0.0
         if scene.bodies is None:
             return
         for index, rows in _by_brush(binding[scene.order], scene.order):
-            taken = asked(scene, rows, palette.drives[index])
-            if taken is not None:
-                allocate(world, scene, taken)
+            for some, drives in drives_by_rows(world, index, rows):
+                taken = asked(scene, some, drives)
+                if taken is not None:
+                    allocate(world, scene, taken)
 
     @staticmethod
     def _ask(world, scene, palette, index, rows):

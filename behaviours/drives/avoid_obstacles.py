@@ -27,7 +27,7 @@ class Params(DriveParameters):
     room: float = quantity(0.5, "body lengths", "free space kept beside the body", 0, 20)
 
 
-@drive("avoid_obstacles", Params)
+@drive("avoid_obstacles", Params, safety=True)
 def avoid_obstacles(scene, rows, p):
     """The nearest free way."""
     bodies = scene.bodies
@@ -40,7 +40,7 @@ def avoid_obstacles(scene, rows, p):
         _free_way(rows, bodies.aloft, scene.animals, p.foresight * goes, bodies.walls, p.room, way, urgency)
     hit, aim = air.hit[rows], air.aim[rows]
     if len(bodies.solids.kind):
-        _past_solids(rows, bodies, scene.animals, air.up, hit, aim)
+        past_solids(rows, bodies, scene.animals, air.up, hit, aim)
     flies = bodies.aloft[rows] & np.isfinite(hit)
     reach = np.maximum(bodies.foresight[rows] * goes, 1e-6)
     soon = np.clip(1.0 - hit / reach, 0.0, 1.0)
@@ -101,7 +101,7 @@ def _room(walls, x, y, fx, fy, reach, beside):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _past_solids(rows, bodies, animals, up, hit, aim):
+def past_solids(rows, bodies, animals, up, hit, aim):
     """Metres to what each would meet on the way that its model wishes, and where to steer instead, into hit and aim.
 
     It passes on the side that is nearest to its heading: wishes may change sides from tick to tick.

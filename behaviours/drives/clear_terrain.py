@@ -27,7 +27,7 @@ class Params(DriveParameters):
     clearance: float = quantity(4.0, "body lengths", "height kept above the ground ahead", 0, 1000)
 
 
-@drive("clear_terrain", Params, always=True)
+@drive("clear_terrain", Params, always=True, safety=True)
 def clear_terrain(scene, rows, p):
     """Climb as steeply as the ground ahead asks for; slow down, or turn, where that is more than the wings can."""
     bodies = scene.bodies

@@ -24,7 +24,7 @@ class Params(DriveParameters):
     pace: float = quantity(1.0, "1", "factor of the species' fleeing speed", 0.1, 3)
 
 
-@drive("flee", Params, always=True)
+@drive("flee", Params, always=True, safety=True)
 def flee(scene, rows, p):
     """Away, at the speed of its fear."""
     bodies, noticed = scene.bodies, scene.noticed

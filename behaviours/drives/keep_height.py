@@ -20,7 +20,7 @@ class Params(DriveParameters):
     )
 
 
-@drive("keep_height", Params)
+@drive("keep_height", Params, safety=True)
 def keep_height(scene, rows, p):
     """Up or down, along the way it flies."""
     bodies = scene.bodies

@@ -34,7 +34,7 @@ class TakeOffParams(DriveParameters):
     margin: float = quantity(1.3, "1", "take-off speed, as a multiple of the slowest flying speed", 1, 3)
 
 
-@drive("land", LandParams, always=True)
+@drive("land", LandParams, always=True, safety=True)
 def land(scene, rows, p):
     """Glide, flare, touch down."""
     here = _in(scene, rows, LANDING)
@@ -53,7 +53,7 @@ def land(scene, rows, p):
     return Urges(towards(velocity, wanted, bodies.acceleration[rows]), p.strength * here)
 
 
-@drive("take_off", TakeOffParams, always=True)
+@drive("take_off", TakeOffParams, always=True, safety=True)
 def take_off(scene, rows, p):
     """Run and climb; once it flies, climb beside what the brush wants."""
     here = _in(scene, rows, TAKING_OFF)

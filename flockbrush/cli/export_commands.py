@@ -1,4 +1,4 @@
-"""Implementation of ``flockbrush export``."""
+"""Implementation of ``flockbrush export``: of recordings, and of flights in tables."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from pathlib import Path
 
 from flockbrush.cli.edit_commands import applied, told_of
 from flockbrush.cli.level_commands import opened, stepping, use_threads, warn_if_unlike
+from flockbrush.engine.files import refused
 from flockbrush.engine.recording import resume
+from flockbrush.lifting.flight_show import Show
+from flockbrush.lifting.ground_show import is_flight
 from flockbrush.output.export import Exports, check_exports
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
@@ -16,8 +19,23 @@ from flockbrush.runs.edit_file import edits_of
 from flockbrush.runs.terminal import print_json, print_line
 
 
+def export_flight(path, outputs, fps, options, json):
+    """Write the flight of a table (``flockbrush formation fly``, ``flockbrush lift``) in other file formats."""
+    if fps is not None:
+        raise refused("--fps", "applies to recordings; a flight is exported with the frames of its table")
+    show = Show.open(path)
+    show.check_exports(outputs, options)
+    with terminal.Interrupts():
+        for output in outputs:
+            show.export(output, **options)
+    _tell({"flight": str(path), "frames": len(show)}, outputs, json)
+
+
 def export_recording(path, outputs, fps, thread_count, options, json, edited=True):
     """Write a recording in other file formats, with the edits stored beside it."""
+    if is_flight(path):
+        export_flight(path, outputs, fps, options, json)
+        return
     check_exports(outputs, [path], options=options)
     run = opened(path)
     use_threads(thread_count)
@@ -37,8 +55,13 @@ def export_recording(path, outputs, fps, thread_count, options, json, edited=Tru
             exports.take()
             stepped()
         warn_if_unlike(run, simulation)
+    _tell({"recording": str(path), "ticks": run.last_tick}, outputs, json)
+
+
+def _tell(about, outputs, json):
+    """Print which files were written."""
     if json:
-        print_json({"recording": str(path), "exports": [str(output) for output in outputs], "ticks": run.last_tick})
+        print_json({**about, "exports": [str(output) for output in outputs]})
     else:
         for output in outputs:
             print_line(f"wrote {output}")

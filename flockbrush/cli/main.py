@@ -193,7 +193,10 @@ def export(
     threads: Threads = None,
     json: Json = False,
 ):
-    """Write a recording as files for other programs; the file extension selects the format (table below)."""
+    """Write a recording as files for other programs; the file extension selects the format (table below).
+
+    A flight in space (a .csv that `formation fly` or `lift` made) can be written as .csv, .parquet, .usda or .usdc.
+    """
     from flockbrush.cli.export_commands import export_recording
 
     export_recording(recording, to, fps, threads, chosen(context, to), json, edits)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
+
 import numpy as np
 
 from flockbrush.cli.level_commands import check_plot
 from flockbrush.cli.measure import mean_of, show_series
 from flockbrush.film.observations import Evidence
-from flockbrush.film.open_clip import Looking, look_at, tell_notes
+from flockbrush.film.open_clip import Looking, look_at
+from flockbrush.output.run_table import RunTable, read_run_table
 from flockbrush.runs import terminal
 from flockbrush.systems.measures import herd_measures
 
@@ -43,8 +47,21 @@ def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
     return series
 
 
+def series_of_table(table: RunTable, every: float) -> dict[str, list]:
+    """The measures of the table of a run over time, at the times at which `measure` takes those of its recording."""
+    series: dict[str, list] = {}
+    last = len(table) - 1
+    for frame in [*range(0, last, max(1, round(every * table.about.fps))), last]:
+        rows = table.rows(frame)
+        for name, value in {"time": float(table.numbers["time"][rows[0]]), **table.measures(rows)}.items():
+            series.setdefault(name, []).append(value)
+    return series
+
+
 def measure_tracks(path, looking: Looking, plot=None, every=1.0, as_json=False):
     """Measure a file of tracks, print the measures and draw them.
+
+    The table of a run is measured as its recording, unless options say how to look at it.
 
     Raises
     ------
@@ -54,26 +71,46 @@ def measure_tracks(path, looking: Looking, plot=None, every=1.0, as_json=False):
     if plot is not None:
         check_plot(plot, [path])
     with terminal.Interrupts(), terminal.compiling():
-        evidence = look_at(path, looking)
-        series = series_of_tracks(evidence, every)
-    unit = "m" if evidence.length_unit == "m" else "body lengths"
-    animals = 0 if evidence.sightings is None else len(np.unique(evidence.sightings.track))
+        table = read_run_table(path) if looking == Looking() else None
+        about, series, parts = _of_tracks(path, looking, every) if table is None else _of_table(path, table, every)
+    name, unit = Path(path).name, about["unit"]
     if plot is not None:
         from flockbrush.output.figures import draw_series
 
-        draw_series(plot, series, f"{evidence.name}, lengths in {unit}")
+        draw_series(plot, series, f"{name}, lengths in {unit}")
     if as_json:
         numbers = {name: values for name, values in series.items() if name != "time"}
         terminal.print_json(
             {
-                "tracks": str(path), "sha256": evidence.sha256, "fps": evidence.fps, "unit": unit,
-                "animals": animals, "notes": evidence.notes,
+                "tracks": str(path), **about,
                 "measures": {name: values[-1] for name, values in numbers.items()},
                 "mean": {name: mean_of(values) for name, values in numbers.items()},
-                "series": series, "plot": str(plot) if plot else None,
+                "series": series, **parts, "plot": str(plot) if plot else None,
             }
         )  # fmt: skip
         return
-    tell_notes(path, evidence)
-    title = f"{evidence.name}: {len(series['time'])} moments of {series['time'][-1]:g} s, lengths in {unit}"
-    show_series(title, series, plot)
+    for note in about["notes"]:
+        terminal.say(f"{path}: {note}")
+    show_series(f"{name}: {len(series['time'])} moments of {series['time'][-1]:g} s, lengths in {unit}", series, plot)
+
+
+def _of_tracks(path, looking, every):
+    """(what there is to say, measures over time, {}) of tracks, smoothed."""
+    evidence = look_at(path, looking)
+    about = {
+        "sha256": evidence.sha256, "fps": evidence.fps,
+        "unit": "m" if evidence.length_unit == "m" else "body lengths",
+        "animals": 0 if evidence.sightings is None else len(np.unique(evidence.sightings.track)),
+        "notes": evidence.notes,
+    }  # fmt: skip
+    return about, series_of_tracks(evidence, every), {}
+
+
+def _of_table(path, table, every):
+    """The same of the table of a run, with the parts of its last frame."""
+    about = {
+        "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest(), "fps": table.about.fps, "unit": "m",
+        "animals": len(np.unique(table.numbers["id"])), "notes": [],
+    }  # fmt: skip
+    parts = table.parts() | {"states": table.states(), "transitions": table.transitions()}
+    return about, series_of_table(table, every), parts

@@ -17,7 +17,7 @@ from flockbrush.behaviours.formation.extraction import Marks, extract
 from flockbrush.engine.files import claimed, refused
 from flockbrush.film.tracks import Tracks, read_tracks
 from flockbrush.lifting.flight_files import attitude, write_flight
-from flockbrush.lifting.flight_table import PLACES, read_flight, table_header
+from flockbrush.lifting.flight_table import PLACES, read_flight, table_header, wingspan_of
 from flockbrush.lifting.lens import Camera, read_camera
 from flockbrush.lifting.lift_solver import LiftedFlight, LiftError, LiftWish, lift_sight, prepared
 from flockbrush.lifting.lift_thesis import lift_by_thesis
@@ -80,7 +80,7 @@ class Show:
         """
         name = str(path)
         if table_header(path) >= set(PLACES):
-            return cls(read_flight(path), name, span=span)
+            return cls(read_flight(path), name, span=span or wingspan_of(path))
         if camera is None:
             message = (
                 f"is not a flight (columns {', '.join(PLACES)}); to lift tracks (frame, id, x, y in pixels), give the"
@@ -207,7 +207,22 @@ class Show:
 
     # keeping -------------------------------------------------------------------------
 
-    def export(self, path):
+    def check_exports(self, paths, options=None):
+        """Check that the flight can be written to files of these names, before any is.
+
+        Raises
+        ------
+        ProblemsError
+        """
+        from flockbrush.output.export import check_exports
+
+        for path in map(Path, paths):
+            if path.suffix.lower() not in ENDINGS:
+                got = repr(path.suffix) if path.suffix else "none"
+                raise refused(path, f"the file extension of a flight must be one of {', '.join(ENDINGS)}; got {got}")
+        check_exports(paths, [self.name], options=options)
+
+    def export(self, path, **options):
         """Write the flight: .csv as `flockbrush lift` does, .parquet and .usdc as `flockbrush export` does.
 
         Raises
@@ -215,18 +230,14 @@ class Show:
         ProblemsError
             When it cannot be written.
         """
-        from flockbrush.output.export import check_exports
         from flockbrush.output.exporter import exporter_of
 
         path = Path(path)
-        if path.suffix.lower() not in ENDINGS:
-            got = repr(path.suffix) if path.suffix else "none"
-            raise refused(path, f"the file extension of a flight must be one of {', '.join(ENDINGS)}; got {got}")
-        check_exports([path], [self.name])
+        self.check_exports([path], options)
         if path.suffix.lower() == ".csv":
             write_flight(path, self.flight)
             return
-        exporter = exporter_of(path)(path, _AsRun(self), self.flight.fps)
+        exporter = exporter_of(path)(path, _AsRun(self), self.flight.fps, **options)
         try:
             exporter.open()
             for k in range(len(self)):

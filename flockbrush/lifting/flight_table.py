@@ -45,6 +45,17 @@ def read_flight(path) -> LiftedFlight:
     return _gridded(name, values, "time" in header)
 
 
+def wingspan_of(path) -> float | None:
+    """The wingspan of birds whose places are in wingspans (``x_b``) as well as in metres; None where they are not."""
+    rows = _rows(path)
+    header = [cell.strip().lower() for cell in next(rows, (1, []))[1]]
+    if not {"x", "x_b"} <= set(header):
+        return None
+    metres, spans = _values(str(path), rows, ("x", "x_b"), [header.index("x"), header.index("x_b")]).T
+    square = float(spans @ spans)
+    return float(metres @ spans) / square if square > 0.0 and metres @ spans > 0.0 else None
+
+
 def _values(name, rows, columns, at):
     """(rows, columns) of numbers; ProblemsError names the first that is none."""
     values = array("d")

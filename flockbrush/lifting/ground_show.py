@@ -75,7 +75,7 @@ def open_show(path, camera=None, looking: Looking | None = None) -> Show:
         return Show.open(path, camera)
     table = str(path).lower().endswith(".csv")
     header = table_header(path) if table else set()
-    if "z" in header and not _on_ground(path):
+    if table and is_flight(path):
         return Show.open(path)
     pixels = table and looking.unit is None and header >= {"frame", "id", "x", "y"} and "time" not in header
     if pixels:
@@ -89,9 +89,11 @@ def open_show(path, camera=None, looking: Looking | None = None) -> Show:
     return GroundShow(look_at(path, looking))
 
 
-def _on_ground(path):
-    """Whether no animal of a table of flights is ever above the ground."""
-    try:
-        return bool(np.nanmax(np.abs(read_flight(path).xyz[..., 2])) < FLAT)
-    except ProblemsError:
+def is_flight(path) -> bool:
+    """Whether a file is a table of places in space, and some animal in it is above the ground."""
+    if not str(path).lower().endswith(".csv") or "z" not in table_header(path):
         return False
+    try:
+        return bool(np.nanmax(np.abs(read_flight(path).xyz[..., 2])) >= FLAT)
+    except ProblemsError:
+        return True  # whoever opens it says what is wrong

@@ -7,7 +7,12 @@ import hashlib
 import numpy as np
 
 import flockbrush
+from flockbrush.components import Body, Species
 from flockbrush.runs.snapshots import Moment, words_of
+from flockbrush.systems.fauna import SpeciesList
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.program_reports import state_names
+from flockbrush.systems.programs import Programs
 
 SCHEMA = "flockbrush.trajectory/1"
 
@@ -67,6 +72,24 @@ def metadata_of(simulation, fps):
         "seed": simulation.origin["seed"],
         "dt": simulation.clock.dt,
         "version": flockbrush.__version__,
+    }
+
+
+def names_in_tables(simulation):
+    """What a table needs beside it to be measured as its run (`flockbrush.output.run_table`)."""
+    agents, world = simulation.agents, simulation.world
+    palette, fauna = world.resource(Palette), world.resource(SpeciesList)
+    words, usual = iter(state_names(world)[1:]), [1.0 if a is None else a.body.length for a in fauna.assets]
+    species, length = agents[Species.index], agents[Body.length]
+    return {
+        "flying": [name for name, flies in zip(palette.names, palette.flies_free.tolist(), strict=True) if flies],
+        "body_length": {
+            name: float(length[species == k].mean()) if (species == k).any() else usual[k]
+            for k, name in enumerate(fauna.names)
+        },
+        "programs": {
+            one.program.name: {name: next(words) for name in one.names} for one in world.resource(Programs).compiled
+        },
     }
 
 

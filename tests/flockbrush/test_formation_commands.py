@@ -51,6 +51,64 @@ def test_from_marks_to_a_formation_to_a_flight(marks, tmp_path, capsys):
     assert np.allclose(flight.xyz[-1, :, 1].max() - flight.xyz[0, :, 1].max(), 16.0 * 39 / 25)
 
 
+@pytest.fixture
+def flight(marks, tmp_path):
+    """The table that `formation fly` writes: fourteen birds in twenty frames."""
+    formation, table = tmp_path / "v.json", tmp_path / "flight.csv"
+    assert called(["formation", "extract", str(marks), "--out", str(formation)]) == 0
+    assert called(["formation", "fly", str(formation), "--birds", "14", "--frames", "20", "-o", str(table)]) == 0
+    return table
+
+
+def test_a_flight_is_exported_as_tables(flight, tmp_path, capsys):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    paths = [tmp_path / "out.csv", tmp_path / "out.parquet"]
+    capsys.readouterr()
+    assert called(["export", str(flight), *(word for path in paths for word in ("--to", str(path))), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 20
+    flown = [list(csv.DictReader(path.read_text().splitlines())) for path in (flight, paths[0])]
+    tables = [{name: [float(row[name]) for row in rows] for name in ("time", "id", "x", "y", "z")} for rows in flown]
+    exact = parquet.read_table(paths[1]).to_pydict()
+    for name, values in tables[0].items():
+        assert tables[1][name] == pytest.approx(values, abs=1e-6)
+        assert exact[name] == pytest.approx(values, abs=1e-6)
+    assert np.mean([float(row["vy"]) for row in flown[1]]) == pytest.approx(16.0, rel=0.01)
+    assert np.mean(exact["heading"]) == pytest.approx(np.pi / 2, abs=0.01)
+
+
+@pytest.mark.parametrize("ending", ["usda", "usdc"])
+def test_a_flight_is_exported_as_a_scene(flight, tmp_path, ending):
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom
+
+    path = tmp_path / f"out.{ending}"
+    assert called(["export", str(flight), "--to", str(path)]) == 0
+    stage = Usd.Stage.Open(str(path))
+    assert (stage.GetEndTimeCode(), stage.GetTimeCodesPerSecond()) == (19, 25)
+    herd = UsdGeom.PointInstancer(stage.GetPrimAtPath("/World/Herd"))
+    rows = [row for row in csv.DictReader(flight.read_text().splitlines()) if row["frame"] == "7"]
+    assert np.allclose(herd.GetPositionsAttr().Get(7), [[float(row[k]) for k in "xyz"] for row in rows], atol=1e-4)
+    assert herd.GetScalesAttr().Get(7)[0][0] == pytest.approx(0.62 * 1.6, rel=0.01)  # of birds 1.6 m wide
+
+
+@pytest.mark.parametrize("ending", ["glb", "html", "mp4"])
+def test_what_a_flight_cannot_become_is_refused_before_anything_is_written(flight, tmp_path, ending, capsys):
+    out = tmp_path / f"out.{ending}"
+    capsys.readouterr()
+    assert called(["export", str(flight), "--to", str(tmp_path / "out.csv"), "--to", str(out)]) == 1
+    said = capsys.readouterr().err
+    assert (
+        said == f"{out}: the file extension of a flight must be one of .csv, .parquet, .usdc, .usda; got '.{ending}'\n"
+    )
+    assert not (tmp_path / "out.csv").exists() and not out.exists()
+    assert called(["export", str(flight), "--to", str(tmp_path / "out.csv"), "--fps", "10"]) == 1
+    assert "applies to recordings" in capsys.readouterr().err
+    walkers = tmp_path / "walkers.csv"
+    walkers.write_text("frame,id,x,y,z\n0,1,0,0,0\n1,1,1,0,0\n")
+    assert called(["export", str(walkers), "--to", str(tmp_path / "out.csv")]) == 1
+    assert "this is not a recording" in capsys.readouterr().err
+
+
 def test_a_formation_becomes_a_brush(marks, tmp_path):
     formation, made = tmp_path / "v.json", tmp_path / "mine.brush.toml"
     assert called(["formation", "extract", str(marks), "--out", str(formation)]) == 0

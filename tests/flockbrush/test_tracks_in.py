@@ -278,17 +278,75 @@ def test_measure_measures_tracks(circling, tmp_path, capsys):
     assert told["mean"]["speed_mean"] == pytest.approx(2.0, rel=0.05) and plot.stat().st_size > 0
 
 
-def test_measures_of_an_export_are_those_of_the_run(tmp_path, capsys):
-    """Tracks are measured as the run they came from."""
+@pytest.mark.parametrize(
+    ("level", "seconds"), [("meadow", 4), ("savanna", 12), ("lake", 6), ("geese", 3), ("ridge", 4), ("merino", 8)]
+)
+def test_the_table_of_a_run_is_measured_as_its_recording(level, seconds, tmp_path, capsys):
+    """Over time, by species, brush, group, family and state; the table has six decimals."""
+    record, table = tmp_path / "r.flock", tmp_path / "r.csv"
+    called(["run", level, "--seconds", str(seconds), "--record", str(record), "--export", str(table)])
+    told = []
+    for file in (record, table):
+        capsys.readouterr()
+        assert called(["measure", str(file), "--every", "0.5", "--json"]) == 0
+        told.append(json.loads(capsys.readouterr().out))
+    run, read = told
+    assert read["states"] == run["states"]
+    for program, ways in run["transitions"].items():  # the table does not show that a state begins anew
+        others = {state: {to: n for to, n in went.items() if to != state} for state, went in ways.items()}
+        assert read["transitions"][program] == {state: went for state, went in others.items() if went}
+    assert level != "savanna" or any(read["transitions"]["zebra"].values())
+    for name in ("species", "brushes", "groups"):
+        _assert_equal(read[name], run[name])
+    for name in ("measures", "mean", "series"):  # lines that count and areas are in the level, not in the table
+        assert "time" in read["series"]
+        _assert_equal(read[name], {key: run[name][key] for key in read[name]})
+
+
+def _assert_equal(one, other):
+    """Parts of two reports, with the rounding of tables."""
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for name in one:
+            _assert_equal(one[name], other[name])
+    elif isinstance(one, list):
+        assert len(one) == len(other)
+        for mine, its in zip(one, other, strict=True):
+            _assert_equal(mine, its)
+    else:
+        assert one == (pytest.approx(other, rel=1e-4, abs=1e-6) if isinstance(other, float) else other)
+
+
+def test_a_table_without_its_metadata_is_measured_as_tracks(tmp_path, capsys):
     record, table = tmp_path / "r.flock", tmp_path / "r.csv"
     called(["run", "meadow", "--seconds", "4", "--agents", "30", "--record", str(record), "--export", str(table)])
+    beside = table.with_name("r.csv.json")
+    about = json.loads(beside.read_text())
     capsys.readouterr()
     assert called(["measure", str(record), "--every", "1", "--json"]) == 0
     run = json.loads(capsys.readouterr().out)["mean"]
-    assert called(["measure", str(table), "--every", "1", "--json"]) == 0
-    tracks = json.loads(capsys.readouterr().out)["mean"]
-    for name in ("polarization", "milling", "nnd", "group_spread"):
-        assert tracks[name] == pytest.approx(run[name], abs=0.05, rel=0.03), name
+    for changed in ({**about, "body_length": {"sheep": -1}}, {**about, "programs": 3}, None):
+        beside.write_text(json.dumps(changed)) if changed else beside.unlink()
+        more = [] if changed else ["--unit", "m"]
+        assert called(["measure", str(table), "--every", "1", "--json", *more]) == 0
+        tracks = json.loads(capsys.readouterr().out)
+        assert "species" not in tracks
+        for name in ("polarization", "milling", "nnd", "group_spread"):
+            assert tracks["mean"][name] == pytest.approx(run[name], abs=0.05, rel=0.03), name
+
+
+def test_a_damaged_table_of_a_run_is_refused_in_words(tmp_path, capsys):
+    table = tmp_path / "r.csv"
+    called(["run", "meadow", "--seconds", "1", "--agents", "10", "--export", str(table)])
+    lines = table.read_text().splitlines()
+    for damaged, said in (
+        (lines[3].replace("0.000000", "up", 1), "r.csv:4: time: must be a finite number, got 'up'"),
+        ("1,2,3", "r.csv:4: has 3 cells, not 16"),
+    ):
+        table.write_text("\n".join([*lines[:3], damaged, *lines[4:]]) + "\n")
+        capsys.readouterr()
+        assert called(["measure", str(table)]) == 1
+        assert said in capsys.readouterr().err
 
 
 def test_play_shows_animals_on_the_ground(circling, capsys, monkeypatch):

@@ -46,10 +46,11 @@ class Csv(Exporter):
         self.frames += 1
 
     def finish(self):
-        from flockbrush.output.trajectory_table import metadata_of
+        from flockbrush.output.trajectory_table import metadata_of, names_in_tables
 
         self._file.close()
-        text = json.dumps(metadata_of(self.simulation, self.fps) | {"frames": self.frames}, indent=2)
+        about = metadata_of(self.simulation, self.fps) | {"frames": self.frames, **names_in_tables(self.simulation)}
+        text = json.dumps(about, indent=2)
         write_text(self.beside(self.path)[0], text + "\n")
 
     def let_go(self):
