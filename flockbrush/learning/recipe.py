@@ -78,7 +78,7 @@ RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
 GENERATION = 8  # candidates
 STEP, WIDE_STEP = 0.1, 0.12  # of an evolution where turns say nothing; where fields alone say how animals turn
-DRAWS, QUICK_DRAWS, TWICE = 192, 32, 9  # random ones that are tried where a descent has only fields; most, tried again
+DRAWS, QUICK_DRAWS, TWICE = 384, 64, 9  # random ones that are tried where a descent has only fields; most, tried again
 ONE_OF, ONE_OF_DRAWS = 2, 6  # of so many, one is tried to the end
 CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
 WANDERING = 1.0, 1.6  # factors of the wander that gives the usual scatter: rare large turns need more
@@ -345,7 +345,7 @@ class _Search:
 
     def _evolve(self, workers):
         """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
-        parents = self.ranked[: 1 if self.by_fields else 2]  # a draw is farther from where it leads to
+        parents = self.ranked[:2]
         finalists, dt = self._finals
         staying = 0.0 if self.quick else self.cost_of_keeping * KEEPERS
         choice = self.cost * 2 * 3 * (finalists + 2 * len(parents)) * DT / dt + staying

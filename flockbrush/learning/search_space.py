@@ -14,6 +14,8 @@ WEAK, STRONG = 0.15, 0.9  # smaller weights are enlarged and Ω reduced, larger 
 EASED = 6.0  # factor by which weights at their end are reduced
 RESPONSE_STEP = 0.14 / 3.0  # of the scatter: what each of nine numbers may change turns by in the limit of the battery
 STEP_OF_EXTRAS = 0.04
+ABSENT = np.array([0.15, 0.3])  # of broad draws have no cohesion, and no alignment
+BROAD_TURNS = 0.1, 1.2  # decimal logarithms of rad/s: limits of turning of broad draws
 LIMITS = 0.8, 0.9, 0.96, 0.99  # of all turns are slower than a limit of turning that is tried
 EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
 
@@ -39,7 +41,8 @@ def turn_limits(clips):
 def begins(seed, starts, angular, brushes, draws=0):
     """[(name, theta, extras)]: random ones, all shipped brushes of the herd model, and more random ones to be tried.
 
-    Every second random one sees twice as far.  The weights of draws are squares: a force may well be weak.
+    Every second random one sees twice as far.  Of four draws, two have every force, with squares as weights, and two
+    are broad: a herd that scatters has weak forces, or lacks some.
     """
     out = []
     for k in range(starts):
@@ -52,12 +55,27 @@ def begins(seed, starts, angular, brushes, draws=0):
         if brush.model == "herd" and brush.provenance.kind != "learned":  # perhaps from this very clip
             out.append((name, theta_of(brush.params), _extras_of(brush.params)))
     for k in range(draws):
-        theta = np.random.default_rng([seed, 9, k]).uniform(0.02, 1.0, 12)
-        theta[0::3] **= 2
-        out.append((f"draw {k + 1}", theta, {"neighbour_range": SIGHTS[k % 2], "wander": 0.0}))
+        theta, extras = (_draw, _broad_draw)[k // 2 % 2](np.random.default_rng([seed, 9, k]))
+        out.append((f"draw {k + 1}", theta, {"neighbour_range": SIGHTS[k % 2], "wander": 0.0} | extras))
     if not angular:
         out = [(name, np.where(np.arange(12) % 3 == 2, 1.0, theta), extras) for name, theta, extras in out]
     return out
+
+
+def _draw(rng):
+    """(theta, extras) of a draw with every force."""
+    theta = rng.uniform(0.02, 1.0, 12)
+    theta[0::3] **= 2
+    return theta, {}
+
+
+def _broad_draw(rng):
+    """(theta, extras) of a draw with weights of any magnitude, some forces absent, and a limit of turning."""
+    theta = rng.uniform(0.02, 1.0, 12)
+    theta[0:9:3] = 10.0 ** rng.uniform(-2.0, 0.0, 3)
+    absent = rng.random(2) < ABSENT
+    theta[3:9:3][absent] = LEAST
+    return theta, {"max_turn": float(10.0 ** rng.uniform(*BROAD_TURNS))}
 
 
 def _extras_of(params):
