@@ -32,7 +32,7 @@ from benchmarks.learning_paper import PAPER
 
 TRUTHS = {  # start, heading in rad (None: random), and seconds until the pattern of the name has formed
     "march": ("scatter", 0.0, 10.0),
-    "mill-filled": ("scatter", None, 12.0),
+    "mill-filled": ("scatter", None, 45.0),
     "swarm": ("scatter", None, 10.0),
     "column": ("scatter", 0.0, 12.0),
     "stampede": ("scatter", 0.0, 8.0),

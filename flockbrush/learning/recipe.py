@@ -41,7 +41,7 @@ from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.interaction import idle_ones
 from flockbrush.learning.learned_parameters import Attempt, Learned, forces_of, told_of
 from flockbrush.learning.rollout import DT, params_of
-from flockbrush.learning.search_space import Code, begins, rescaled, turn_limits
+from flockbrush.learning.search_space import Code, begins, rescaled, rotation_of, turn_limits
 from flockbrush.learning.trials import (
     BEYOND,
     COARSE_DT,
@@ -173,8 +173,8 @@ class _Search:
         self.correlation: dict[int, np.ndarray] = {}
         self.budget = settings.budget_s * RATE
         if settings.begins is None:
-            draws = (QUICK_DRAWS if self.quick else DRAWS) if self.by_fields else 0
-            self.begins = begins(settings.seed, settings.starts, "angular" in given.use, settings.brushes, draws)
+            draws, spin = (QUICK_DRAWS if self.quick else DRAWS) if self.by_fields else 0, rotation_of(given.seen)
+            self.begins = begins(settings.seed, settings.starts, "angular" in given.use, settings.brushes, draws, spin)
         else:
             self.begins = [(name, np.array(theta, float), dict(extras)) for name, theta, extras in settings.begins]
         self.final: list[int] = []  # attempts that were judged to the end, the best first

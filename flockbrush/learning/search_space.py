@@ -15,6 +15,7 @@ EASED = 6.0  # factor by which weights at their end are reduced
 RESPONSE_STEP = 0.14 / 3.0  # of the scatter: what each of nine numbers may change turns by in the limit of the battery
 STEP_OF_EXTRAS = 0.04
 ABSENT = np.array([0.15, 0.3])  # of broad draws have no cohesion, and no alignment
+MILLS = 0.5  # least milling of a herd that mills
 BROAD_TURNS = 0.1, 1.2  # decimal logarithms of rad/s: limits of turning of broad draws
 LIMITS = 0.8, 0.9, 0.96, 0.99  # of all turns are slower than a limit of turning that is tried
 EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
@@ -38,11 +39,28 @@ def turn_limits(clips):
     return [float(np.clip(q, 0.5, 20.0)) for q in np.quantile(turns, LIMITS)] if len(turns) > 100 else []
 
 
-def begins(seed, starts, angular, brushes, draws=0):
+def rotation_of(clips):
+    """rad/s, positive counter-clockwise: how fast herds that mill turn about their middle; 0 for other herds."""
+    spins, mills = [], []
+    for fields in (clip.fields for clip in clips):
+        velocity = np.nan_to_num(fields.velocity)
+        weight = np.nan_to_num(fields.density) * (np.abs(velocity).sum(-1) > 0.0)
+        place = np.moveaxis(np.indices(weight.shape[1:])[::-1], 0, -1) * fields.cell
+        total = np.maximum(weight.sum((1, 2)), 1e-12)
+        away = place - np.einsum("tyx,yxk->tk", weight, place)[:, None, None] / total[:, None, None, None]
+        across = away[..., 0] * velocity[..., 1] - away[..., 1] * velocity[..., 0]
+        far, fast = np.linalg.norm(away, axis=-1), np.linalg.norm(velocity, axis=-1)
+        mills.append((weight * across / np.maximum(far * fast, 1e-12)).sum() / total.sum())
+        spins.append((weight * across).sum() / max((weight * far**2).sum(), 1e-12))
+    return float(np.mean(spins)) if np.abs(mills).min() > MILLS and len(set(np.sign(mills))) == 1 else 0.0
+
+
+def begins(seed, starts, angular, brushes, draws=0, rotation=0.0):
     """[(name, theta, extras)]: random ones, all shipped brushes of the herd model, and more random ones to be tried.
 
     Every second random one sees twice as far.  Of four draws, two have every force, with squares as weights, and two
-    are broad: a herd that scatters has weak forces, or lacks some.
+    are broad: a herd that scatters has weak forces, or lacks some.  In a herd that mills, with a ``rotation`` in rad/s,
+    half of the draws turn steadily, at most so fast.
     """
     out = []
     for k in range(starts):
@@ -56,6 +74,8 @@ def begins(seed, starts, angular, brushes, draws=0):
             out.append((name, theta_of(brush.params), _extras_of(brush.params)))
     for k in range(draws):
         theta, extras = (_draw, _broad_draw)[k // 2 % 2](np.random.default_rng([seed, 9, k]))
+        if rotation and k // 4 % 2:
+            extras["turn_bias"] = rotation * float(np.random.default_rng([seed, 10, k]).random())
         out.append((f"draw {k + 1}", theta, {"neighbour_range": SIGHTS[k % 2], "wander": 0.0} | extras))
     if not angular:
         out = [(name, np.where(np.arange(12) % 3 == 2, 1.0, theta), extras) for name, theta, extras in out]
