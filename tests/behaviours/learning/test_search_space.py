@@ -1,4 +1,4 @@
-"""Where a search begins: herds of all kinds where fields alone are known, and turning ones where the clip shows a mill."""
+"""Where a search begins when fields alone are known: herds of all kinds, and turning ones where they show a mill."""
 
 import numpy as np
 import pytest
