@@ -6,7 +6,21 @@ from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.brush import load_brush, shipped
 from flockbrush.behaviours.drive import drives
 from flockbrush.behaviours.species import shipped_species
-from flockbrush.components import Body, Ground, Heading, Leading, Position, Role, Speed, Urge, Velocity
+from flockbrush.components import (
+    Alarm,
+    Body,
+    Ground,
+    Heading,
+    Leading,
+    Position,
+    Role,
+    Speed,
+    Thrust,
+    Urge,
+    Velocity,
+    Wish,
+)
+from flockbrush.components.agent import BY_VELOCITY
 from flockbrush.components.formation import FormationPlace
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.recording import first_difference, open_recording, resume, state_hash
@@ -139,6 +153,31 @@ def test_a_steered_animal_of_any_model_goes_where_it_is_sent_whatever_holds_it(m
     simulation.run(2)
     assert "steered" not in explain(world, one).shares
     assert agents[Leading.appointed][row] == 1
+
+
+@pytest.mark.parametrize("model", sorted(behaviours()))
+def test_the_reasons_of_a_steered_animal_add_up_to_its_wish(model):
+    """While it turns, and while it flees with a part of its body."""
+    simulation, ids = held(model)
+    agents, one = simulation.agents, int(ids[4])
+    simulation.run(4)
+    simulation.submit(Appoint([one]))
+    simulation.submit(Steer([one], -0.6, 0.8))
+    simulation.run(2)
+    row, names = agents.row(one), set()
+    for tick in range(12):
+        if tick == 6:
+            agents[Alarm.level][row], agents[Alarm.place][row] = 0.5, agents[Position.xyz][row] + (0.0, 9.0, 0.0)
+        told = explain(simulation.world, one)
+        simulation.tick()
+        wish = agents[Wish.direction][row]
+        if model in AIR and agents[Thrust.kind][row] == BY_VELOCITY:
+            wish = agents[Thrust.velocity][row] / np.linalg.norm(agents[Thrust.velocity][row])
+        total = sum(vector for _, vector in told.reasons)
+        assert total / np.linalg.norm(total) == pytest.approx(wish, abs=1e-7), told.reasons
+        assert sum(told.shares.values()) == pytest.approx(1.0)
+        names |= set(told.shares)
+    assert names == {"steered", "flee"}
 
 
 def test_what_keeps_a_body_whole_stands_above_steering():
