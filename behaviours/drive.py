@@ -124,9 +124,11 @@ def drives_of(brush, model) -> list[tuple[Drive, Any]]:
 def drives_of_steered(brush, model) -> list[tuple[Drive, Any]]:
     """The drives that act on steered animals: those that keep the body whole, and then the way where they are sent.
 
-    As nothing is left to the model, drives do what it does by itself.
+    As nothing is left to the model, drives do what it does by itself, and look ahead for obstacles.
     """
-    usual = [one for one in drives().values() if one.always or one.name in (*model.needs, *model.has)]
+    usual = [
+        one for one in drives().values() if one.always or one.name in (*model.needs, *model.has, "avoid_obstacles")
+    ]
     return [*((one, p) for one, p in _with_those_of(brush, usual) if one.safety), (STEERED, DriveParameters())]
 
 

@@ -310,3 +310,16 @@ def test_without_a_guide_the_ants_do_what_the_brush_they_come_from_does():
         simulation.run(64)
         places.append(simulation.agents[Position.xyz].tolist())
     assert places[0] == places[1]
+
+
+@pytest.mark.parametrize("model", ["herd", "zones", "boids"])
+def test_who_is_sent_behind_a_wall_walks_round_it(model):
+    scene = meadow(small_brush("walker", model, mean=1.0), obstacles=[obstacle(square(19, 17, 21, 23))])
+    (leader,) = put(scene, [(8, 20)])
+    scene.submit(Appoint([int(leader)]))
+    scene.submit(Steer([int(leader)], 34.0, 20.0, "place"))
+    ways = []
+    for _ in range(40):
+        scene.run(32)
+        ways.append(scene.agents[Position.xyz][scene.agents.row(int(leader)), :2].copy())
+    assert np.hypot(*(np.array(ways) - (34.0, 20.0)).T).min() < 1.5
