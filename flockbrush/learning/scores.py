@@ -52,7 +52,7 @@ COUNTS = {
 }
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
-NEAREST = 3  # ring of `flockbrush.film.pair_density` from which on others are counted: nearer, pixels blur the body
+NEAREST = 3  # ring of `flockbrush.film.pair_density` from which on others are counted if pixels do not tell all nearer
 WITHIN = np.array([3, 4, 5, 7, 11])  # rings up to which they are
 FEW = 0.2  # others, below which shares mean nothing
 KNOWN = 0.5  # of its moments a measure must be told in to count
@@ -369,10 +369,14 @@ def mean_pairs(rows) -> np.ndarray:
 
 
 def pairs_off(a, b) -> float:
-    """How unlike the numbers of others within some distances of a body are, as shares: 0 the same, 2 nothing alike."""
+    """How unlike the numbers of others within some distances of a body are, as shares: 0 the same, 2 nothing alike.
+
+    A body adds 1 to what is nearer than its length, however its pixels blur it.
+    """
     both = np.isfinite(a) & np.isfinite(b)
-    both[:NEAREST] = False
-    one, other = (np.cumsum(np.where(both, n, 0.0) * AREA)[WITHIN] for n in (a, b))
+    whole = both[:NEAREST].all()
+    both[:NEAREST] = whole
+    one, other = (np.maximum(np.cumsum(np.where(both, n, 0.0) * AREA)[WITHIN] - whole, 0.0) for n in (a, b))
     return float(np.mean(2 * np.abs(one - other) / (one + other + FEW)))
 
 
