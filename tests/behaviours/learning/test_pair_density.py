@@ -10,6 +10,7 @@ from test_scores import clip_of, march
 from benchmarks.herd_film import _capsules, _fill
 from flockbrush.film.observations import Fields
 from flockbrush.film.pair_density import AREA, REACH, RING, RINGS, pairs_of_bodies, pairs_of_mask, pairs_scaled
+from flockbrush.learning.scores import pairs_off
 
 
 def herd(gap=1.2, side=12, seed=1):
@@ -34,6 +35,18 @@ def test_a_mask_tells_what_the_places_tell(px, near):
     true = pairs_of_bodies(xy, forward, 0.2)
     assert seen[3:] == pytest.approx(true[3:], rel=near)  # beyond the body itself, which pixels make wider
     assert seen[:3].sum() == pytest.approx(true[:3].sum(), rel=5 * near)
+
+
+@pytest.mark.parametrize("px", [24.0, 6.0])
+def test_a_herd_a_sixth_looser_is_farther_off_than_pixels_make_the_same_one(px):
+    tight, forward = herd(gap=0.8)
+    loose, _ = herd(gap=0.93)
+    mask = mask_of(tight, forward, px)
+    seen = pairs_of_mask(mask, px, cv2.countNonZero(mask) / len(tight))
+    same, other = (pairs_off(pairs_of_bodies(xy, forward, 0.2), seen) for xy in (tight, loose))
+    assert same < 0.06 and other > 3.0 * same
+    coarse = np.where(np.arange(RINGS) == 0, np.nan, seen)  # pixels that do not tell the first ring
+    assert pairs_off(pairs_of_bodies(tight, forward, 0.2), coarse) < 0.08
 
 
 def test_pairs_are_those_of_brute_force():
