@@ -50,7 +50,9 @@ def test_held_out_frames_change_nothing_of_the_brush_that_they_judge(parts):
         assert np.array_equal(getattr(one.fields, name), getattr(other.fields, name), equal_nan=True), name
     for name in SIGHT_COLUMNS:
         assert np.array_equal(getattr(one.sightings, name), getattr(other.sightings, name), equal_nan=True), name
-    brushes = [learn(clip, SearchSettings(seed=1, starts=1, budget_s=0.05, brushes=False, quick=True)) for clip in (one, other)]
+    brushes = [
+        learn(clip, SearchSettings(seed=1, starts=1, budget_s=0.05, brushes=False, quick=True)) for clip in (one, other)
+    ]
     first, second = ((b.theta.tolist(), b.extras, b.speed, b.body, b.vision) for b in brushes)
     assert first == second
 
