@@ -68,8 +68,8 @@ def lived(recording):
 
 @pytest.fixture(scope="session")
 def recording(shared, level):
-    """Forty ticks in the pen, recorded in a process of its own."""
+    """Forty ticks in the pen, recorded in a process of its own, which compiles each kernel once and without helpers."""
     path = shared / "pen.flock"
-    done = other_process("run", level, "--ticks", 40, "--record", path, "--json")
+    done = other_process("run", level, "--ticks", 40, "--record", path, "--json", FLOCKBRUSH_THREADS=1)
     assert done.returncode == 0, done.stderr
     return path
