@@ -18,6 +18,10 @@ AREA = np.pi * RING**2 * (2 * np.arange(RINGS) + 1)  # BL², of each ring
 ACROSS = 0.5 * np.array([-1.0, 1.0])  # of the half width: points on a body
 ALONG = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])  # of half the length
 FINE = 24  # points along a body, by which its own part is known
+NEAREST = 3  # ring from which on others are counted if pixels do not tell all nearer ones
+WITHIN = np.array([3, 4, 5, 7, 11])  # rings up to which they are
+FEW = 0.2  # others, below which shares mean nothing
+KNOWN = 0.5  # of its frames a ring must be told in to count
 
 
 def pairs_of_mask(mask, px, area) -> np.ndarray:
@@ -62,6 +66,25 @@ def pairs_scaled(pairs, by) -> np.ndarray:
     """(T, RINGS) the same in a unit of length that is so many times shorter."""
     middle = np.arange(RINGS) + 0.5
     return np.stack([np.interp(middle / by, middle, row) / by**2 for row in np.asarray(pairs)])
+
+
+def mean_pairs(rows) -> np.ndarray:
+    """(RINGS,) means over frames, of the rings that most of them tell."""
+    rows = np.asarray(rows)
+    told = np.isfinite(rows).mean(0) >= KNOWN
+    return np.where(told, np.nan_to_num(rows).sum(0) / np.maximum(np.isfinite(rows).sum(0), 1), np.nan)
+
+
+def pairs_off(a, b) -> float:
+    """How unlike the numbers of others within some distances of a body are, as shares: 0 the same, 2 nothing alike.
+
+    A body adds 1 to what is nearer than its length, however its pixels blur it.
+    """
+    both = np.isfinite(a) & np.isfinite(b)
+    whole = both[:NEAREST].all()
+    both[:NEAREST] = whole
+    one, other = (np.maximum(np.cumsum(np.where(both, n, 0.0) * AREA)[WITHIN] - whole, 0.0) for n in (a, b))
+    return float(np.mean(2 * np.abs(one - other) / (one + other + FEW)))
 
 
 @lru_cache(maxsize=64)

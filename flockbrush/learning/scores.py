@@ -24,7 +24,7 @@ from scipy.spatial import cKDTree
 
 from flockbrush.engine.maths import atan2_
 from flockbrush.film.observations import Evidence, Fields
-from flockbrush.film.pair_density import AREA, pairs_of_bodies
+from flockbrush.film.pair_density import mean_pairs, pairs_of_bodies, pairs_off
 from flockbrush.learning.axis_variance import mean_variance, variance_told
 from flockbrush.learning.herd_views import HerdView, in_picture, told_apart, view_of, view_of_run
 from flockbrush.learning.rollout import Run
@@ -52,9 +52,6 @@ COUNTS = {
 }
 CHANCE = {"polarization": 1.0, "milling": 0.5}  # mean square of n strangers, times n
 SPACING = 0.05  # of the deciles of the distances to the nearest neighbour of a photograph
-NEAREST = 3  # ring of `flockbrush.film.pair_density` from which on others are counted if pixels do not tell all nearer
-WITHIN = np.array([3, 4, 5, 7, 11])  # rings up to which they are
-FEW = 0.2  # others, below which shares mean nothing
 KNOWN = 0.5  # of its moments a measure must be told in to count
 LASTING = ("polarization", "milling", "order nearby", "nearest neighbour", "density", "spread")  # what should last
 
@@ -359,25 +356,6 @@ def spacings(looks) -> np.ndarray:
     """Deciles (9,) of the distance to the nearest neighbour, BL, over moments of (n, 2) BL; NaN without animals."""
     far = [cKDTree(xy).query(xy, k=2)[0][:, 1] for xy in looks if len(xy) > 1]
     return np.quantile(np.concatenate(far), np.arange(1, 10) / 10) if far else np.full(9, np.nan)
-
-
-def mean_pairs(rows) -> np.ndarray:
-    """(RINGS,) means over frames, of the rings that most of them tell."""
-    rows = np.asarray(rows)
-    told = np.isfinite(rows).mean(0) >= KNOWN
-    return np.where(told, np.nan_to_num(rows).sum(0) / np.maximum(np.isfinite(rows).sum(0), 1), np.nan)
-
-
-def pairs_off(a, b) -> float:
-    """How unlike the numbers of others within some distances of a body are, as shares: 0 the same, 2 nothing alike.
-
-    A body adds 1 to what is nearer than its length, however its pixels blur it.
-    """
-    both = np.isfinite(a) & np.isfinite(b)
-    whole = both[:NEAREST].all()
-    both[:NEAREST] = whole
-    one, other = (np.maximum(np.cumsum(np.where(both, n, 0.0) * AREA)[WITHIN] - whole, 0.0) for n in (a, b))
-    return float(np.mean(2 * np.abs(one - other) / (one + other + FEW)))
 
 
 def _directions(fields):

@@ -9,8 +9,16 @@ from test_scores import clip_of, march
 
 from benchmarks.herd_film import _capsules, _fill
 from flockbrush.film.observations import Fields
-from flockbrush.film.pair_density import AREA, REACH, RING, RINGS, pairs_of_bodies, pairs_of_mask, pairs_scaled
-from flockbrush.learning.scores import pairs_off
+from flockbrush.film.pair_density import (
+    AREA,
+    REACH,
+    RING,
+    RINGS,
+    pairs_of_bodies,
+    pairs_of_mask,
+    pairs_off,
+    pairs_scaled,
+)
 
 
 def herd(gap=1.2, side=12, seed=1):
