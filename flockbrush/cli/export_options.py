@@ -47,11 +47,12 @@ def export_table():
 
 
 def _parameters(command):
-    """The options of all exporters as parameters of typer; built once for each command."""
-    if not hasattr(command, "export_parameters"):
-        from flockbrush.output.exporter import all_options
+    """The options of all exporters as parameters of typer; built once for each command while these are the same."""
+    from flockbrush.output.exporter import all_options
 
-        export_options = [_asked(option, endings) for option, endings in all_options()]
+    found = all_options()
+    if getattr(command, "export_options", None) != found:
+        export_options = [_asked(option, endings) for option, endings in found]
 
         def options():
             pass
@@ -60,7 +61,7 @@ def _parameters(command):
         options.__annotations__ = {one.name: one.annotation for one in export_options}
         app = typer.Typer(add_completion=False)
         app.command(add_help_option=False)(options)
-        command.export_parameters = typer.main.get_command(app).params
+        command.export_options, command.export_parameters = found, typer.main.get_command(app).params
     return command.export_parameters
 
 

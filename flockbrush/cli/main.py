@@ -6,6 +6,7 @@ Only what every command needs is imported here: ``flockbrush --help`` must not w
 from __future__ import annotations
 
 import enum
+import functools
 import inspect
 import sys
 from pathlib import Path
@@ -323,9 +324,15 @@ def called(arguments=None) -> int:
         return _usage(error) if hasattr(error, "exit_code") and hasattr(error, "show") else terminal.exit_code_of(error)
 
 
+@functools.cache
+def _commands():
+    """All commands with their options, for any number of calls: typer would look through all signatures at each."""
+    return typer.main.get_command(app)
+
+
 def _code_of(arguments) -> int:
     try:
-        code = app(arguments, standalone_mode=False, prog_name="flockbrush")
+        code = _commands()(arguments, standalone_mode=False, prog_name="flockbrush")
     except typer.Exit as error:
         return error.exit_code
     if code == INTERRUPTED:  # some versions of typer turn Ctrl-C into this

@@ -49,7 +49,6 @@ def test_the_help_says_who_opens_every_kind_of_file(cli):
 
 
 def test_a_new_exporter_brings_its_options_and_its_line_in_the_help(cli, level, tmp_path, monkeypatch):
-    from flockbrush.cli import main
     from flockbrush.output import exporter as room
 
     class Counted(Exporter):
@@ -62,8 +61,6 @@ def test_a_new_exporter_brings_its_options_and_its_line_in_the_help(cli, level, 
 
     assert ".csv" in exporters()  # all of ours are registered before
     monkeypatch.setitem(room._registry, ".count", Counted)
-    for command in main.app.registered_commands:
-        monkeypatch.delattr(command.cls, "export_parameters", raising=False)
     assert "how many animals" in cli("export", "--help").out
     out = tmp_path / "a.count"
     assert cli("run", level, "--ticks", 1, "--export", out, "--shout", "--times", 2).code == 0
