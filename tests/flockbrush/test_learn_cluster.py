@@ -28,7 +28,7 @@ def begun():
 
 @pytest.fixture(scope="module")
 def address(begun):
-    with dask_cluster(begun=begun, PYTHONPATH=str(Path(__file__).parent)) as (found, _):
+    with dask_cluster(1, begun=begun, PYTHONPATH=str(Path(__file__).parent)) as (found, _):
         yield found
 
 
