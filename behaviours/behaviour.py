@@ -298,13 +298,13 @@ def _all_dangers(scene: Scene):
 
 def frozen(columns):
     """A named tuple whose arrays are views that cannot be written: one type for the kernels, which compile once."""
-    return type(columns)(*(read_only(column) if isinstance(column, np.ndarray) else column for column in columns))
+    return type(columns)(*[read_only(column) if isinstance(column, np.ndarray) else column for column in columns])
 
 
 def read_only(array):
     """A view of an array that cannot be written."""
     view = array.view()
-    view.flags.writeable = False
+    view.setflags(write=False)  # dozens of times in each tick: an object of flags takes as long again
     return view
 
 

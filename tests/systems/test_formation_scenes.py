@@ -20,7 +20,7 @@ def test_a_formation_passes_a_field_of_pillars_and_is_one_again(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_formation_that_a_falcon_scatters_is_one_again(kind):
-    found = passage("falcon", kind, 4)
+    found = passage("falcon", kind, 4, birds=7, forms=10.0)
     assert found.passed and found.nearest < 25.0
 
 

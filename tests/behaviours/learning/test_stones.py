@@ -30,8 +30,10 @@ def stony(plain, contrast):
             cv2.ellipse(
                 shape, (place, (length, length * rng.uniform(0.4, 0.9)), rng.uniform(0, 180)), 255, -1, cv2.LINE_AA
             )
-            share = (shape / 255.0)[..., None]
-            tile = (tile * (1 - share) + share * colour).astype(np.float32)
+            left, top, wide, tall = cv2.boundingRect(shape)
+            near = np.s_[top : top + tall, left : left + wide]
+            share = (shape[near] / 255.0)[..., None]
+            tile[near] = tile[near] * (1 - share) + share * colour
         return tile
 
     return ground
