@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flockbrush.render.canvas import Canvas
-from flockbrush.render.shapes import bilinear, grain, patch, shrink, smear, steepness
+from flockbrush.render.shapes import bilinear, grain, lighten, patch, shrink, smear, steepness
 from flockbrush.render.style import mix, rgb
 
 BLUR = 1.1  # cells; rounds the corners of painted regions
@@ -105,8 +105,7 @@ class TerrainSketch:
             kinds = [kind for kind in self._kinds(rows, columns) if kind[1].any()]
             if len(kinds) > 1 or kinds[0][0] != self.theme.ground:
                 self._patchwork(part, kinds, (rows.start, columns.start))
-        light = self._grain() + self._slopes()
-        part[:] = np.clip(part * (1 + light[..., None]), 0, 255).astype(np.uint8)
+        lighten(self.image, self._grain() + self._slopes(), left, top)
 
     def _patchwork(self, part, kinds, start):
         """Kinds of ground without gaps: each pixel has the kind that most of its neighbourhood has.

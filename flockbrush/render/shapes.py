@@ -138,20 +138,43 @@ def _speck(ix, iy, salt):
 def grain(xs, ys, wavelength, salt):
     """Smooth noise in [-1, 1] over the ground: (len(ys), len(xs)) float32, blotches `wavelength` metres across."""
     out = np.empty((len(ys), len(xs)), np.float32)
+    ix, fx = np.empty(len(xs), np.int64), np.empty(len(xs))
+    for col in range(len(xs)):
+        u = xs[col] / wavelength
+        ix[col] = int(np.floor(u))
+        f = u - ix[col]
+        fx[col] = f * f * (3 - 2 * f)
+    if len(xs) == 0:
+        return out
+    first = ix.min()
+    here, above, drawn = np.empty(ix.max() - first + 2), np.empty(ix.max() - first + 2), False
+    row_of_specks = 0
     for row in range(len(ys)):
         v = ys[row] / wavelength
         iy = int(np.floor(v))
         fy = v - iy
         fy = fy * fy * (3 - 2 * fy)
+        if not drawn or iy != row_of_specks:
+            for k in range(len(here)):
+                here[k], above[k] = _speck(first + k, iy, salt), _speck(first + k, iy + 1, salt)
+            drawn, row_of_specks = True, iy
         for col in range(len(xs)):
-            u = xs[col] / wavelength
-            ix = int(np.floor(u))
-            fx = u - ix
-            fx = fx * fx * (3 - 2 * fx)
-            low = _speck(ix, iy, salt) * (1 - fx) + _speck(ix + 1, iy, salt) * fx
-            high = _speck(ix, iy + 1, salt) * (1 - fx) + _speck(ix + 1, iy + 1, salt) * fx
+            k, f = ix[col] - first, fx[col]
+            low = here[k] * (1 - f) + here[k + 1] * f
+            high = above[k] * (1 - f) + above[k + 1] * f
             out[row, col] = 2 * (low * (1 - fy) + high * fy) - 1
     return out
+
+
+@kernel
+def lighten(image, light, left, top):
+    """Make the pixels of an image lighter by a share `light` (h, w) float32 of what they are."""
+    for row in range(light.shape[0]):
+        for col in range(light.shape[1]):
+            times = np.float32(1) + light[row, col]
+            for c in range(3):
+                value = np.float32(image[top + row, left + col, c]) * times
+                image[top + row, left + col, c] = np.uint8(min(max(value, np.float32(0)), np.float32(255)))
 
 
 @kernel

@@ -32,8 +32,8 @@ TRUTHS = {kind: brush for name, (kind, brush) in truths().items() if name != "zo
 
 @functools.cache
 def tracks(name):
-    """(T, N, 2) BL, of animals that begin each its own way."""
-    return tracks_of(TRUTHS[name])
+    """(T, N, 2) BL, of two dozen animals that begin each its own way."""
+    return tracks_of(TRUTHS[name], 24)
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in ("herd", "boids"))) for n in TRUTHS])
