@@ -42,7 +42,7 @@ def nearest(simulation):
 
 def test_two_skeins_that_arrive_apart_fly_two_formations():
     simulation = sky((9, 0, 0, 90), (7, 200, 0, 90))
-    simulation.run(500)
+    simulation.run(300)
     assert arms(simulation, slice(0, 9)) == [0, 1, 1, 2, 2, 3, 3, 4, 4]
     assert arms(simulation, slice(9, 16)) == [0, 1, 1, 2, 2, 3, 3]
     assert simulation.agents[Role.leader].sum() == 2
@@ -63,7 +63,7 @@ def test_skeins_that_see_each_other_on_like_ways_join_behind_the_foremost_leader
     leaders = np.flatnonzero(a[FormationPlace.place] == 0)
     assert len(leaders) == 2
     foremost = a.ids[leaders[np.argmax(a[Position.xyz][leaders, 1])]]
-    simulation.run(900)
+    simulation.run(420)
     assert a.ids[np.flatnonzero(a[FormationPlace.place] == 0)].tolist() == [foremost]
     assert arms(simulation, slice(None)) == [0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7, 8]
     assert len(set(groups_of(simulation.world).tolist())) == 1
@@ -90,14 +90,14 @@ def test_skeins_pass_as_their_brush_says_or_where_they_fly_different_ways(flocks
 
 def test_a_leader_that_dies_is_followed_by_one_of_its_own_and_a_late_bird_joins_whom_it_sees():
     simulation = sky((9, 0, 0, 90), (7, 200, 0, 90))
-    simulation.run(600)
+    simulation.run(250)
     a = simulation.agents
     ids, place, xyz = a.ids.copy(), a[FormationPlace.place].copy(), a[Position.xyz].copy()
     first, second = np.flatnonzero(place == 0)
-    simulation.submit(RemoveAnimals(*xyz[first, :2], 0.3), tick=600)
+    simulation.submit(RemoveAnimals(*xyz[first, :2], 0.3), tick=250)
     put(simulation, [xyz[second, :2] + (10, -25)], np.pi / 2)
     a[Position.xyz][-1, 2], a[Velocity.xyz][-1] = 50.0, (0.0, 15.0, 0.0)
-    simulation.run(900)
+    simulation.run(450)
     assert len(a) == 16
     assert arms(simulation, slice(0, 8)) == [0, 1, 1, 2, 2, 3, 3, 4]
     assert arms(simulation, slice(8, 16)) == [0, 1, 1, 2, 2, 3, 3, 4]
@@ -121,7 +121,7 @@ def test_who_is_seen_by_two_skeins_does_not_make_them_one():
 ])  # fmt: skip
 def test_who_lost_its_skein_knows_where_that_flies_to_where_they_are_bound(bound):
     simulation = sky((5, 0, 0, 90))
-    simulation.run(300)
+    simulation.run(200)
     a = simulation.agents
     north = np.tile((-np.sin(0.3), np.cos(0.3), 0.0), (5, 1))
     a[Heading.forward][:], a[Velocity.xyz][:] = north, 25.0 * north  # as in a fright
