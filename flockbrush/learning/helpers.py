@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import importlib
 import signal
 import uuid
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import suppress
 from multiprocessing import get_context
 
 from flockbrush.engine.files import refused
@@ -19,6 +23,7 @@ MOST = 1024  # processes
 
 def _begin():
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to all; the parent hears it, and ends the work
+    atexit.register(gc.freeze)  # ends at once: nobody waits while Python looks for cycles
     set_threads(1)
 
 
@@ -125,36 +130,51 @@ class Helpers:
                 asked()
                 yield k, function(*args)
             return
-        threads = set_threads(1)
-        left: list[Future] = []
+        todo, sent = deque(range(len(tasks))), {}  # numbers of tasks that nobody has; futures, with their numbers
+
+        def send(k):
+            future = self._submit(function, tasks[k])
+            sent[future] = k
+            future.add_done_callback(send_next)
+
+        def send_next(_):  # in a thread of the pool
+            with suppress(IndexError):  # nothing is left to do
+                k = todo.popleft()
+                try:
+                    send(k)
+                except RuntimeError:  # the pool is closed
+                    todo.append(k)
+
+        threads, missing = set_threads(1), len(tasks)
         try:
-            left = [self._submit(function, args) for args in tasks]
-            numbers = {future: k for k, future in enumerate(left)}
-            while left:
+            for _ in range(self.jobs - 1):  # one task each: those that wait for a helper nobody else can do
+                with suppress(IndexError):
+                    send(todo.popleft())
+            while missing:
                 asked()
-                mine = next((future for future in reversed(left) if future.cancel()), None)
-                if mine is not None:  # nobody has begun it
-                    left.remove(mine)
-                    yield numbers[mine], function(*tasks[numbers[mine]])
+                try:
+                    mine = todo.pop()
+                except IndexError:
+                    wait(list(sent), ASKED, FIRST_COMPLETED)
                 else:
-                    wait(left, ASKED, FIRST_COMPLETED)
-                done = [future for future in left if future.done()]
-                for future in done:
-                    left.remove(future)
-                    k = numbers[future]
+                    missing -= 1
+                    yield mine, function(*tasks[mine])
+                for future in [future for future in list(sent) if future.done()]:
+                    k = sent.pop(future)
                     try:
                         result = future.result()
                     except NotSent:
                         tasks[k][0].sent = 0
-                        left.append(self._submit(function, tasks[k]))
-                        numbers[left[-1]] = k
+                        send(k)
                     else:
+                        missing -= 1
                         yield k, result
         except BrokenExecutor:
             raise refused(
                 "a learning process", "is not running any more; finished work is kept; continue with --resume"
             ) from None
         finally:
-            for future in left:
+            todo.clear()
+            for future in list(sent):
                 future.cancel()
             set_threads(threads)

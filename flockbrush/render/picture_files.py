@@ -42,7 +42,7 @@ def png_bytes(frame) -> bytes:
     import cv2
 
     turned = frame[:, :, ::-1] if frame.shape[2] == 3 else frame[:, :, (2, 1, 0, 3)]
-    ok, data = cv2.imencode(".png", np.ascontiguousarray(turned), [cv2.IMWRITE_PNG_COMPRESSION, 6])
+    ok, data = cv2.imencode(".png", np.ascontiguousarray(turned), [cv2.IMWRITE_PNG_COMPRESSION, 4])
     if not ok:
         raise ValueError(f"a picture of {frame.shape[1]}x{frame.shape[0]} cannot be written as PNG")
     return data.tobytes()
