@@ -104,6 +104,8 @@ def learn(
             Random starts of the search.
         quick : bool, False
             A first impression.
+        thorough : bool, False
+            Search six times as long.
         jobs : int, 1
             Processes.
         licence : str, optional

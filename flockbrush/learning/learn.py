@@ -49,7 +49,7 @@ from flockbrush.runs.terminal import Interrupts, Stopped, measure, number, print
 
 RUNS = 3  # simulations compared with the clip
 MOMENTS, MOMENTS_OF_PHOTO = 4, 2  # pictures of a report
-BUDGET, QUICK_BUDGET = 90.0, 12.0  # s of learning, as `learn` counts them
+BUDGET, THOROUGH_BUDGET, QUICK_BUDGET = 90.0, 540.0, 12.0  # s of learning, as `learn` counts them
 QUICK_STARTS = 2
 ONE_KIND, STRANGE = ("polarization", "milling", "speeds"), 2.5  # limits beyond which a clip shows another herd
 RIVAL_WORK = 400_000  # animals times frames, above which fewer of the shipped brushes are tried
@@ -76,6 +76,7 @@ class LearnOptions:
     licence: str | None = None
     resume: bool = False
     quick: bool = False
+    thorough: bool = False
     beside: bool | None = None  # judge it beside the shipped brushes; None: unless quick
     json: bool = False
     device: str = "auto"
@@ -146,6 +147,8 @@ def _checked(wishes) -> list[Region]:
     """The regions of the mask, when all that can be known to be wrong is right."""
     name, looking = name_of(wishes.out), wishes.looking
     check_kind(wishes.model)
+    if wishes.quick and wishes.thorough:
+        raise refused("--thorough", "it searches longer and --quick shorter; use one of them")
     if wishes.workers and wishes.model not in (HERD, AUTO):
         raise refused("--cluster", f"the model {wishes.model} is fitted locally; only the herd model can use a cluster")
     regions = regions_of(looking.regions) if looking.regions else []
@@ -375,7 +378,9 @@ def _learned(
     if herd.kind != HERD:
         return learned_model(clips, herd.kind, wishes.seed)
     learnings = of if photo else 1 + of  # all frames are fitted at the end
-    state, budget = herd.state(part), QUICK_BUDGET if wishes.quick else BUDGET / learnings
+    state, budget = herd.state(part), (THOROUGH_BUDGET if wishes.thorough else BUDGET) / learnings
+    if wishes.quick:
+        budget = QUICK_BUDGET
     if not wishes.resume and not fresh:
         if state.exists():
             say(f"starting again: the state of an interrupted learning in {state} is discarded")

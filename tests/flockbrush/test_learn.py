@@ -224,6 +224,25 @@ def test_places_where_nothing_can_be_written_are_told_before_anything_is_done(cl
     assert not (tmp_path / "x.brush.toml").exists()
 
 
+def test_a_thorough_search_takes_six_times_the_work_and_cannot_be_quick(cli, films, quick, tmp_path, monkeypatch):
+    import flockbrush.learning.learn
+
+    budgets = []
+
+    def noted(clips, settings, **how):
+        budgets.append(settings.budget_s)
+        return filmed.learn(clips, settings, **how)
+
+    monkeypatch.setattr(flockbrush.learning.learn, "learn", noted)
+    clip, out = films / "one.mp4", tmp_path / "x.brush.toml"
+    assert cli("learn", clip, "--out", out).code == 0
+    usual = list(budgets)
+    assert cli("learn", clip, "--out", out, "--thorough").code == 0
+    assert usual and budgets == [*usual, *(6 * budget for budget in usual)]
+    done = cli("learn", clip, "--out", out, "--thorough", "--quick")
+    assert done.code == 1 and "--thorough" in done.err and "use one of them" in done.err
+
+
 def test_torch_is_needed_only_where_animals_cannot_be_told_apart(cli, films, quick, tmp_path, monkeypatch):
     import flockbrush.film.open_clip
 
