@@ -49,7 +49,8 @@ from flockbrush.runs.terminal import Interrupts, Stopped, measure, number, print
 
 RUNS = 3  # simulations compared with the clip
 MOMENTS, MOMENTS_OF_PHOTO = 4, 2  # pictures of a report
-BUDGET, THOROUGH_BUDGET, QUICK_BUDGET = 90.0, 540.0, 12.0  # s of learning, as `learn` counts them
+BUDGET, QUICK_BUDGET = 90.0, 12.0  # s of learning, as `learn` counts them
+THOROUGH = 6.0  # times the usual budget
 QUICK_STARTS = 2
 ONE_KIND, STRANGE = ("polarization", "milling", "speeds"), 2.5  # limits beyond which a clip shows another herd
 RIVAL_WORK = 400_000  # animals times frames, above which fewer of the shipped brushes are tried
@@ -149,6 +150,8 @@ def _checked(wishes) -> list[Region]:
     check_kind(wishes.model)
     if wishes.quick and wishes.thorough:
         raise refused("--thorough", "it searches longer and --quick shorter; use one of them")
+    if wishes.thorough and wishes.model not in (HERD, AUTO):
+        raise refused("--thorough", f"the model {wishes.model} is fitted without a search; only herd has one")
     if wishes.workers and wishes.model not in (HERD, AUTO):
         raise refused("--cluster", f"the model {wishes.model} is fitted locally; only the herd model can use a cluster")
     regions = regions_of(looking.regions) if looking.regions else []
@@ -378,9 +381,8 @@ def _learned(
     if herd.kind != HERD:
         return learned_model(clips, herd.kind, wishes.seed)
     learnings = of if photo else 1 + of  # all frames are fitted at the end
-    state, budget = herd.state(part), (THOROUGH_BUDGET if wishes.thorough else BUDGET) / learnings
-    if wishes.quick:
-        budget = QUICK_BUDGET
+    state, usual = herd.state(part), BUDGET / learnings
+    budget = QUICK_BUDGET if wishes.quick else THOROUGH * usual if wishes.thorough else usual
     if not wishes.resume and not fresh:
         if state.exists():
             say(f"starting again: the state of an interrupted learning in {state} is discarded")

@@ -224,7 +224,7 @@ def test_places_where_nothing_can_be_written_are_told_before_anything_is_done(cl
     assert not (tmp_path / "x.brush.toml").exists()
 
 
-def test_a_thorough_search_takes_six_times_the_work_and_cannot_be_quick(cli, films, quick, tmp_path, monkeypatch):
+def test_a_thorough_search_takes_six_times_the_work_and_is_of_the_herd_model(cli, films, quick, tmp_path, monkeypatch):
     import flockbrush.learning.learn
 
     budgets = []
@@ -239,8 +239,9 @@ def test_a_thorough_search_takes_six_times_the_work_and_cannot_be_quick(cli, fil
     usual = list(budgets)
     assert cli("learn", clip, "--out", out, "--thorough").code == 0
     assert usual and budgets == [*usual, *(6 * budget for budget in usual)]
-    done = cli("learn", clip, "--out", out, "--thorough", "--quick")
-    assert done.code == 1 and "--thorough" in done.err and "use one of them" in done.err
+    for other, words in ((["--quick"], "use one of them"), (["--model", "zones"], "only herd has one")):
+        done = cli("learn", clip, "--out", out, "--thorough", *other)
+        assert done.code == 1 and "--thorough" in done.err and words in done.err
 
 
 def test_torch_is_needed_only_where_animals_cannot_be_told_apart(cli, films, quick, tmp_path, monkeypatch):

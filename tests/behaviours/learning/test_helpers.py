@@ -1,8 +1,10 @@
 """Processes that help with learning: all tasks are done once, by this process too, and errors come back."""
 
 import os
+from concurrent.futures import Future
 
 import pytest
+from flockbrush.engine.problems import ProblemsError
 
 from flockbrush.film.observations import CannotObserve
 from flockbrush.learning.helpers import Helpers
@@ -20,7 +22,12 @@ def refuses(number):
     raise CannotObserve("clip.mp4", f"no animals in {number}", {"animals": number})
 
 
-@pytest.mark.parametrize(("jobs", "sent"), [(1, 0), (2, 0), (2, 99)])
+def ends_helpers(parent):
+    if os.getpid() != parent:
+        os._exit(1)
+
+
+@pytest.mark.parametrize(("jobs", "sent"), [(1, 0), (2, 0), (2, 99), (4, 99)])
 def test_every_task_is_done_and_numbered(jobs, sent):
     with Helpers(jobs) as helpers:
         common = helpers.common(2)
@@ -54,3 +61,26 @@ def test_work_that_is_stopped_ends():
 
     with Helpers(2) as helpers, pytest.raises(Asked):
         list(helpers.run(who_doubles, [(1,), (2,)], stop))
+
+
+def test_a_process_that_is_killed_is_told():
+    with Helpers(2) as helpers, pytest.raises(ProblemsError, match="is not running any more"):
+        list(helpers.run(ends_helpers, 4 * [(os.getpid(),)]))
+
+
+def test_work_is_finished_here_when_no_helper_takes_more(monkeypatch):
+    """The pool ends after its first task: the second one, which nobody has begun, is not lost."""
+    sent = []
+
+    def once(function, args):
+        sent.append(args)
+        if len(sent) > 1:
+            raise RuntimeError("cannot schedule new futures after shutdown")
+        future = Future()
+        future.set_result(function(*args))
+        return future
+
+    with Helpers(2) as helpers:
+        monkeypatch.setattr(helpers, "_submit", once)
+        found = dict(helpers.run(who_doubles, [(k,) for k in range(6)]))
+    assert len(sent) == 2 and {k: double for k, (double, _) in found.items()} == {k: 2 * k for k in range(6)}
