@@ -1,6 +1,6 @@
 """Learn from clips of models that learning was not developed on, and ask whether the verdict is right.
 
-    python benchmarks/learning.py foreign [--clips turners pursuit ...] [--quick] [--write]
+    python benchmarks/learning.py foreign [--clips turners pursuit ...] [--quick | --thorough] [--write]
 
 Eight models (`UNSEEN` of ``benchmarks/unseen_herds.py``) are filmed like the clips of ``halves``, and a brush is
 learned as ``flockbrush learn`` does it.  Its herd starts as the last frame was observed and runs for 20 s, and so does
@@ -34,6 +34,7 @@ def add(commands):
     parser.add_argument("--seconds", type=float, default=6.0)
     parser.add_argument("--seed", type=int, default=SEED, help="seed of the filmed herds")
     parser.add_argument("--quick", action="store_true", help="learn with --quick")
+    parser.add_argument("--thorough", action="store_true", help="learn with --thorough")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
     parser.set_defaults(run=run, perfect=False)
@@ -64,7 +65,12 @@ def of_clip(name, options):
     with tempfile.TemporaryDirectory() as folder:
         clip, film = evidence_of_clip(name, options, folder)
         wishes = LearnOptions(
-            [film.path], Path(folder) / "foreign.brush.toml", quick=options.quick, jobs=options.jobs, silent=True
+            [film.path],
+            Path(folder) / "foreign.brush.toml",
+            quick=options.quick,
+            thorough=options.thorough,
+            jobs=options.jobs,
+            silent=True,
         )
         try:
             found = learn_brushes(wishes)[0]

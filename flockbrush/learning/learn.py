@@ -49,8 +49,8 @@ from flockbrush.runs.terminal import Interrupts, Stopped, measure, number, print
 
 RUNS = 3  # simulations compared with the clip
 MOMENTS, MOMENTS_OF_PHOTO = 4, 2  # pictures of a report
-BUDGET, QUICK_BUDGET = 90.0, 12.0  # s of learning, as `learn` counts them
-THOROUGH = 6.0  # times the usual budget
+BUDGET, QUICK_BUDGET = 150.0, 12.0  # s of learning, as `learn` counts them
+THOROUGH = 4.0  # times the usual budget
 QUICK_STARTS = 2
 ONE_KIND, STRANGE = ("polarization", "milling", "speeds"), 2.5  # limits beyond which a clip shows another herd
 RIVAL_WORK = 400_000  # animals times frames, above which fewer of the shipped brushes are tried
