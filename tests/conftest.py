@@ -14,7 +14,7 @@ os.fsync = lambda file: None  # no file of a test has to outlive a power failure
 FIRST = "test_replaying.py"  # the longest: it compiles every kernel twice, once for a plain processor
 WITHOUT_HERDS = ("levels", "components", "engine")  # rooms whose tests need few kernels, or others
 FILMS = ("test_observe.py", "test_bodies.py", "test_lift.py", "test_v_rules.py", "test_formation_extraction.py")  # too
-WITH_HERDS = ("test_editor.py",)  # in spite of its room
+WITH_HERDS = ("test_editor.py", "test_tiled_project.py")  # in spite of its room
 
 
 SMOKE = {  # pytest -m smoke: files, and how the names of the tests begin; "" means all of a file

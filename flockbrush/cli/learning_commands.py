@@ -124,7 +124,7 @@ class FitOptions(WrittenOptions):
     ] = None
     resume: Annotated[bool, typer.Option("--resume", help="Continue after an interruption.")] = False
     quick: Annotated[bool, typer.Option("--quick", help="Fast, less exact search: two starts, fewer steps.")] = False
-    thorough: Annotated[bool, typer.Option("--thorough", help="Search with six times as much work.")] = False
+    thorough: Annotated[bool, typer.Option("--thorough", help="Search with four times as much work.")] = False
     device: Annotated[
         str,
         typer.Option(

@@ -105,7 +105,7 @@ def learn(
         quick : bool, False
             A first impression.
         thorough : bool, False
-            Search with six times as much work.
+            Search with four times as much work.
         jobs : int, 1
             Processes.
         licence : str, optional

@@ -224,7 +224,7 @@ def test_places_where_nothing_can_be_written_are_told_before_anything_is_done(cl
     assert not (tmp_path / "x.brush.toml").exists()
 
 
-def test_a_thorough_search_takes_six_times_the_work_and_is_of_the_herd_model(cli, films, quick, tmp_path, monkeypatch):
+def test_a_thorough_search_takes_four_times_the_work_and_is_of_the_herd_model(cli, films, quick, tmp_path, monkeypatch):
     import flockbrush.learning.learn
 
     budgets = []
@@ -238,7 +238,7 @@ def test_a_thorough_search_takes_six_times_the_work_and_is_of_the_herd_model(cli
     assert cli("learn", clip, "--out", out).code == 0
     usual = list(budgets)
     assert cli("learn", clip, "--out", out, "--thorough").code == 0
-    assert usual and budgets == [*usual, *(6 * budget for budget in usual)]
+    assert usual and budgets == [*usual, *(4 * budget for budget in usual)]
     for other, words in ((["--quick"], "use one of them"), (["--model", "zones"], "only herd has one")):
         done = cli("learn", clip, "--out", out, "--thorough", *other)
         assert done.code == 1 and "--thorough" in done.err and words in done.err

@@ -58,7 +58,8 @@ def serving(level="meadow", agents=40, record=None, **options):
 
 
 def client(served, **options):
-    return connect(served.link.address, max_size=None, compression=None, **options)
+    """A connection; one that has not read what it was sent does not hear that it is closed, and is not waited for."""
+    return connect(served.link.address, max_size=None, compression=None, close_timeout=0.5, **options)
 
 
 def texts(connection, kind, count=1, wait=10.0):
