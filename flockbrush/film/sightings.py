@@ -25,6 +25,7 @@ from numba import njit
 from scipy.spatial import cKDTree
 
 from flockbrush.film.body_matching import follow
+from flockbrush.film.body_outlines import LIKE
 from flockbrush.film.heads import by_looks
 from flockbrush.film.observations import Sightings
 
@@ -36,6 +37,8 @@ UNSURE = 2.5  # times as noisy as usual: at the ends of tracks no turning is tol
 SMALL = 0.75  # of the usual area
 WALKED, SURE_WAY = 0.3, 8.0  # BL, and times the noise of a place: so far gone, the way tells how a body lies
 ACROSS = 0.8  # cosine of the angle between body and way: below, the axis seen is not the body's
+TOUCHES, DOUBTED = 0.5, 0.05  # weights of the axes of bodies that touch others, and of those that may be two
+UNLIKE = 0.5  # of what one animal may differ from the usual one: a body that touches others and differs more is doubted
 AROUND, PARALLEL = 5, 0.8  # bodies that touch no other, and how alike they lie, to tell how those beside them lie
 STILL = 0.25  # BL: an animal that moved less in all has a head at one end or the other
 
@@ -92,7 +95,21 @@ def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, SightingNois
     moves = None if flow is None else [np.asarray(f, float) @ m[:, :2].T for f in flow]
     names = _without_specks(follow(xy, axis, moves), xy, [b.area for b in frames], [b.alone for b in frames])
     ends = np.concatenate([b.ends for b in frames]) if _alike([b.ends for b in frames if len(b)]) else None
-    return _animals(xy, axis, [b.alone for b in frames], ends, names, float(fps))
+    return _animals(xy, axis, _weights(frames), ends, names, float(fps))
+
+
+def _weights(frames):
+    """(k,) how much the axis of each body of all frames counts.
+
+    A body that touches others and has not the size of one animal may be two, or a part: its axis is nobody's.
+    """
+    alone = np.concatenate([b.alone for b in frames])
+    weight = np.where(alone, 1.0, TOUCHES)
+    if alone.any():
+        for name, most in zip(("area", "length", "width"), LIKE, strict=True):
+            size = np.log(np.concatenate([getattr(b, name) for b in frames]))
+            weight[~alone & (np.abs(size - np.median(size[alone])) > UNLIKE * most)] = DOUBTED
+    return weight
 
 
 def _without_specks(names, xy, area, alone):
@@ -126,7 +143,7 @@ def _alike(ends):
 # what they do -------------------------------------------------------------------------------------------------------
 
 
-def _animals(xy, axis, alone, ends, names, fps):
+def _animals(xy, axis, weight, ends, names, fps):
     """Sightings and their noise, from bodies with track numbers."""
     count = len(xy)
     name = np.concatenate([*names, np.zeros(0, int)])
@@ -136,7 +153,7 @@ def _animals(xy, axis, alone, ends, names, fps):
     at, along = np.concatenate(xy), np.concatenate(axis)
     order = np.lexsort((frame, name))
     name, frame, at, along = name[order], frame[order], at[order], along[order]
-    weight = np.where(np.concatenate(alone)[order], 1.0, 0.5)
+    weight = weight[order]
     begin = np.concatenate([[0], np.flatnonzero(np.diff(name)) + 1, [len(name)]])
     long = (np.diff(begin) >= SHORTEST) & (name[begin[:-1]] >= 0)
     keep = np.repeat(long, np.diff(begin))
@@ -178,7 +195,7 @@ def _smoothed(frame, at, along, weight, ends, begin, count, fps):
     at, along : (k, 2) ndarray
         Positions (BL) and axes (unit vectors).
     weight : (k,) ndarray
-        1 for bodies that touch no other, else .5.
+        As of `_weights`.
     ends : (k, m) ndarray
         Features of the ends, see `Bodies.ends`.
     begin : (tracks + 1,) ndarray
@@ -193,8 +210,8 @@ def _smoothed(frame, at, along, weight, ends, begin, count, fps):
     angle = np.empty(len(frame))
     moved = np.empty(len(frame))
     firm = max(noise_xy, 0.005)
-    along, aside = _along_the_way(frame, at, along, begin, max(2, round(HALF * fps)), firm)
-    weight = np.where(aside, 0.5 * weight, weight)
+    along, aside = _along_the_way(frame, at, along, weight < TOUCHES, begin, max(2, round(HALF * fps)), firm)
+    weight = np.where(aside, 0.5 * np.maximum(weight, TOUCHES), weight)
     _heads(at, along, begin, firm, np.zeros(len(frame)), angle, moved)
     looks = by_looks(ends, along, np.column_stack([np.cos(angle), np.sin(angle)]), at, begin, firm, fps)
     if looks.any():
@@ -253,11 +270,11 @@ def _present(frame, begin):
     return np.concatenate(frames), np.repeat(np.arange(len(begin) - 1), [len(f) for f in frames])
 
 
-def _along_the_way(frame, at, along, begin, half, noise):
-    """Axes, replaced by the direction of motion where a fast animal seems to lie across it; and where (bool).
+def _along_the_way(frame, at, along, doubted, begin, half, noise):
+    """Axes, replaced by the direction of motion where a fast animal seems to lie across it or its axis is doubted.
 
     A fast animal moves along its body. An axis across the motion comes from two bodies that touch, or from a round
-    body.
+    body. Also returns where they were replaced (bool).
     """
     track = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
     row = np.arange(len(frame))
@@ -266,7 +283,7 @@ def _along_the_way(frame, at, along, begin, half, noise):
     distance = np.hypot(*way.T)
     way = way / np.maximum(distance, 1e-12)[:, None]
     fast = (distance > WALKED) & (distance > SURE_WAY * noise) & (frame[high] - frame[low] <= 2 * half)
-    aside = fast & (np.abs((way * along).sum(1)) < ACROSS)
+    aside = fast & (doubted | (np.abs((way * along).sum(1)) < ACROSS))
     return np.where(aside[:, None], way, along), aside
 
 
