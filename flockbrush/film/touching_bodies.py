@@ -19,10 +19,8 @@ from flockbrush.film.body_shapes import of_moments
 LEAST = 0.4  # of one animal's area: less is no animal
 ANGLES = 16  # directions in which a capsule is tried, of half a turn
 FINE = 11.0  # px: longer bodies are looked for in a smaller picture
-FREE = 0.45  # share of a capsule that must belong to nobody else; with more, animals that overlap are taken for one
+FREE = 0.55  # share of a capsule that must belong to nobody else
 FULL = 0.7  # share of a capsule that must be animal
-MOST = 1.55  # of one animal's area: two bodies that together have less are one
-NEAR = 0.7  # of a length: the middles of two parts of one animal are nearer
 ROUNDS = 5  # of k-means
 AGAIN = 0.15  # of a perfect fit: what it is worth to lie as an animal lay in the frame before
 WANDERS = 0.12  # of a length: how far it may have gone since for that to count
@@ -63,25 +61,13 @@ def parted_bodies(crowd, size, picture, before=None):
     at = _placed(small, evidence, long, wide, likely)
     half, radius = 0.5 * (long - wide), 0.5 * wide
     sums, owner = _settled(small, at, half, radius)
-    one = size.area * shrink**2
-    keep = (sums[:, 0] > LEAST * one) & ~_parts_of_one(sums, one, NEAR * long)
+    keep = sums[:, 0] > LEAST * size.area * shrink**2
     if not keep.all() and keep.any():
         sums, owner = _settled(small, at[keep], half, radius)
     bodies = of_moments(sums, np.zeros(len(sums), bool))
-    bodies = bodies.of(bodies.area > 0.5 * LEAST * one)
+    bodies = bodies.of(bodies.area > 0.5 * LEAST * size.area * shrink**2)
     back = np.array([[1 / shrink, 0.0, float(x0)], [0.0, 1 / shrink, float(y0)]])
     return bodies.moved(back)
-
-
-def _parts_of_one(sums, one, near):
-    """Which bodies (bool), of these sums of pixels, are parts of a larger one beside them: together they are one."""
-    area, parts = sums[:, 0], np.zeros(len(sums), bool)
-    middle = sums[:, 1:3] / np.maximum(area, 1.0)[:, None]
-    for k in np.argsort(area, kind="stable"):
-        far = np.hypot(*(middle - middle[k]).T)
-        beside = (far < near) & ~parts & (area + area[k] < MOST * one)
-        parts[k] = beside.sum() > 1  # itself and another
-    return parts
 
 
 def _cut(mask, size):
