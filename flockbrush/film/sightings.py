@@ -101,7 +101,7 @@ def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, SightingNois
 def _weights(frames):
     """(k,) how much the axis of each body of all frames counts.
 
-    A body that touches others and has not the size of one animal may be two, or a part: its axis is nobody's.
+    A body that touches others and does not have the size of one animal may be two, or a part: its axis is nobody's.
     """
     alone = np.concatenate([b.alone for b in frames])
     weight = np.where(alone, 1.0, TOUCHES)
