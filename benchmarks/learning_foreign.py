@@ -65,13 +65,9 @@ def of_clip(name, options):
     with tempfile.TemporaryDirectory() as folder:
         clip, film = evidence_of_clip(name, options, folder)
         wishes = LearnOptions(
-            [film.path],
-            Path(folder) / "foreign.brush.toml",
-            quick=options.quick,
-            thorough=options.thorough,
-            jobs=options.jobs,
-            silent=True,
-        )
+            [film.path], Path(folder) / "foreign.brush.toml", quick=options.quick, thorough=options.thorough,
+            jobs=options.jobs, silent=True,
+        )  # fmt: skip
         try:
             found = learn_brushes(wishes)[0]
         except ProblemsError as refusal:

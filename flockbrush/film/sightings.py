@@ -211,7 +211,7 @@ def _smoothed(frame, at, along, weight, ends, begin, count, fps):
     moved = np.empty(len(frame))
     firm = max(noise_xy, 0.005)
     along, aside = _along_the_way(frame, at, along, weight < TOUCHES, begin, max(2, round(HALF * fps)), firm)
-    weight = np.where(aside, 0.5 * np.maximum(weight, TOUCHES), weight)
+    weight = np.where(aside, 0.5 * np.maximum(weight, TOUCHES), weight)  # a way is not doubted
     _heads(at, along, begin, firm, np.zeros(len(frame)), angle, moved)
     looks = by_looks(ends, along, np.column_stack([np.cos(angle), np.sin(angle)]), at, begin, firm, fps)
     if looks.any():
