@@ -42,14 +42,13 @@ class Evolution:
         self.path, self.step_path, self.generation = np.zeros(d), np.zeros(d), 0
 
     def ask(self):
-        """(size, d) candidates; what lies outside 0 to 1 is folded back in."""
+        """(size, d) candidates; what lies outside 0 to 1 is put at the bound."""
         self.values, self.axes = np.linalg.eigh(self.shape)
         self.values = np.sqrt(np.maximum(self.values, 1e-14))
         z = self.rng.normal(size=(self.size, len(self.mean)))
         self.asked = self.mean + self.step * (z * self.values) @ self.axes.T
-        folded = np.abs(np.mod(self.asked + 1.0, 2.0) - 1.0)
-        self.asked = folded
-        return folded.copy()
+        self.asked = np.clip(self.asked, 0.0, 1.0)
+        return self.asked.copy()
 
     def tell(self, worth):
         """The loss of each candidate, (size,)."""

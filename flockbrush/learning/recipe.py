@@ -37,7 +37,6 @@ from flockbrush.film.observations import Evidence
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.herd_views import followed
-from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.interaction import idle_ones
 from flockbrush.learning.learned_parameters import Attempt, Learned, forces_of, told_of
 from flockbrush.learning.rollout import DT, params_of
@@ -73,15 +72,15 @@ from flockbrush.learning.workers import Workers, WorkStopped
 from flockbrush.runs.builds import RUNNING
 from flockbrush.runs.cluster import Cluster
 
-HELD = 0.3  # of the frames, at the end, are held back until the choice
 RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
 GENERATION = 8  # candidates
 STEP, WIDE_STEP = 0.1, 0.12  # of an evolution where turns say nothing; where fields alone say how animals turn
+GOOD, NARROW = 0.4, 0.2  # score from which on steps grow, to full ones at 1 more; least part of a step
 DRAWS, QUICK_DRAWS, TWICE = 384, 64, 9  # random ones that are tried where a descent has only fields; most, tried again
-ONE_OF, ONE_OF_DRAWS = 2, 6  # of so many, one is tried to the end
+ONE_OF, ONE_OF_DRAWS = 3, 6  # of so many, one is tried to the end
 CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
-WANDERING = 1.0, 1.6  # factors of the wander that gives the usual scatter: rare large turns need more
+WANDERING = 0.5, 1.0, 1.6  # factors of the wander that gives the usual scatter: rare large turns need more
 FINALISTS, QUICK_FINALISTS = 4, 3
 KEEPERS = 3  # candidates, re-run for 20 s to test stability
 KEEPING = 0.2  # of the choice
@@ -120,7 +119,7 @@ def learn(
         raise ValueError("there are no clips to learn from")
     if unknown := set(settings.use) - USE:
         raise ValueError(f"use names {', '.join(sorted(unknown))}; it may have {', '.join(sorted(USE))}")
-    given = _setting(clips, settings)
+    given = Setting.of(clips, settings)
     search = _Search(given, settings, say or _silent)
     forget()
     with Workers(given, jobs, _signature(clips, given, settings.seed), resume, stop, cluster) as workers:
@@ -133,15 +132,6 @@ def learn(
 
 def _silent(done, total, loss, text):
     """A progress function that does nothing."""
-
-
-def _setting(clips, settings):
-    cut = [len(c.fields) - round(HELD * len(c.fields)) if len(c.fields) >= FEWEST else 0 for c in clips]
-    seen = tuple(c.part(slice(0, k)) if k else c for c, k in zip(clips, cut, strict=True))
-    held = tuple(c.part(slice(k, None)) if k else c for c, k in zip(clips, cut, strict=True))
-    speed = speed_of(list(clips)) if settings.speed is None else settings.speed
-    body = body_of(list(clips)) if settings.body is None else settings.body
-    return Setting(clips, seen, held, speed, body, frozenset(settings.use), float(settings.beta), settings.device)
 
 
 def _version():
@@ -184,11 +174,19 @@ class _Search:
     @property
     def cost(self):
         """Animal ticks of one trial with one seed."""
+        return self._cost(lambda length: length + float(np.clip(4.0 * length, *BEYOND)))
+
+    @property
+    def cost_beside(self):
+        """Likewise, of a trial no longer than the clip."""
+        return self._cost(lambda length: length)
+
+    def _cost(self, seconds):
+        """Animal ticks of herds like those of the clips, for ``seconds(length)`` of each."""
         total = 0.0
         for clip in self.given.clips:
-            length = len(clip.fields) / clip.fps
             animals = ALWAYS + float(np.nanmax(clip.fields.count, initial=1.0))
-            total += animals * (length + float(np.clip(4.0 * length, *BEYOND))) / DT
+            total += animals * seconds(len(clip.fields) / clip.fps) / DT
         return max(total, 1.0)
 
     @property
@@ -325,7 +323,7 @@ class _Search:
         many, some = max(4, min(TWICE, len(which) // 3)), max(4, -(-len(which) // one_of))
         kept = [which[k] for k in np.argsort(far, kind="stable")[:some]]
         scores = self._judge(workers, kept, [seed], False, "trials")
-        self.budget -= self.cost * (len(which) - len(kept)) * ONE_OF / one_of * DT / COARSE_DT  # as if tried to the end
+        self.budget -= self.cost_beside * (len(which) - len(kept)) * DT / COARSE_DT
         better = [kept[k] for k in np.argsort(scores, kind="stable")[:many]]
         again = [_seed(self.seed, 2, k) for k in (0, 1, 2)]
         self._judge(workers, better, again, False, "trials of the best candidates")
@@ -359,9 +357,10 @@ class _Search:
         begin = self.attempts[parent]
         code = Code(begin.theta, begin.extras, "angular" in self.given.use, self.by_fields)
         step = WIDE_STEP if self.by_fields else STEP
+        width = step if self.by_fields else step * float(np.clip(begin.score - GOOD, NARROW, 1.0))
         told = stiffness(self.given, begin.theta, begin.extras)
         shape = None if told is None else code.shape(told, step)
-        cloud = Evolution(code.numbers, step, GENERATION, (self.seed, 3, number), shape)
+        cloud = Evolution(code.numbers, width, GENERATION, (self.seed, 3, number), shape)
         worths, best = [begin.score], None
         for g in range(generations):
             asked = cloud.ask()

@@ -33,7 +33,8 @@ from flockbrush.learning.turns import Turns, predicted, residuals, turns_of
 RESPONSE, SCATTER = "response to neighbours", "scatter of turns"
 FORCES = 9  # of the numbers of theta: without those of obstacles
 SPAN = 0.12  # s over which a turn is observed where frames are closer
-LOOKS = 36  # frames of a clip that are looked at
+LOOKS = 36  # frames of a clip that are looked at, or more
+MANY = 6000  # turns that are enough: of large herds fewer frames are looked at
 FEWEST = 100  # turns that are needed
 FAINTEST = 1e-3  # of the strongest direction in the numbers: weaker directions are not identifiable
 
@@ -112,7 +113,8 @@ def turns_seen(clip: Evidence, seen: Sightings | None, brush) -> Turns | None:
     if seen is None:
         return None
     ahead = max(1, round(SPAN * clip.fps))
-    frames = range(0, len(clip.fields) - ahead, max(1, len(clip.fields) // LOOKS))
+    every = max(1, len(clip.fields) // LOOKS, -(-len(clip.sightings.xy) // MANY))
+    frames = range(0, len(clip.fields) - ahead, every)
     same = replace(clip, sightings=_stepped(seen, clip.fps, ahead))
     return turns_of(same, brush.body, brush.vision, brush.params, span=SPAN, frames=frames) if len(frames) else None
 

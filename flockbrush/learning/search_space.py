@@ -58,15 +58,15 @@ def rotation_of(clips):
 def begins(seed, starts, angular, brushes, draws=0, rotation=0.0):
     """[(name, theta, extras)]: random ones, all shipped brushes of the herd model, and more random ones to be tried.
 
-    Every second random one sees twice as far.  Of four draws, two have every force, with squares as weights, and two
-    are broad: a herd that scatters has weak forces, or lacks some.  In a herd that mills, with a ``rotation`` in rad/s,
-    half of the draws turn steadily, at most so fast.
+    Random ones see as far as `SIGHTS`, one after the other; where there are draws, all see as far as the first two.  Of
+    four draws, two have every force, with squares as weights, and two are broad: a herd that scatters has weak forces,
+    or lacks some.  In a herd that mills, with a ``rotation`` in rad/s, half of the draws turn steadily, no faster.
     """
-    out = []
+    out, sights = [], SIGHTS[:2] if draws else SIGHTS
     for k in range(starts):
         rng = np.random.default_rng([seed, 0, k])
         theta = rng.uniform(0.02, 1.0, 12)
-        out.append((f"random {k + 1}", theta, {"neighbour_range": SIGHTS[k % 2], "wander": 0.0}))
+        out.append((f"random {k + 1}", theta, {"neighbour_range": sights[k % len(sights)], "wander": 0.0}))
     library = shipped()
     for name in library.names() if brushes else ():
         brush = library.get(name)
@@ -76,7 +76,7 @@ def begins(seed, starts, angular, brushes, draws=0, rotation=0.0):
         theta, extras = (_draw, _broad_draw)[k // 2 % 2](np.random.default_rng([seed, 9, k]))
         if rotation and k // 4 % 2:
             extras["turn_bias"] = rotation * float(np.random.default_rng([seed, 10, k]).random())
-        out.append((f"draw {k + 1}", theta, {"neighbour_range": SIGHTS[k % 2], "wander": 0.0} | extras))
+        out.append((f"draw {k + 1}", theta, {"neighbour_range": sights[k % 2], "wander": 0.0} | extras))
     if not angular:
         out = [(name, np.where(np.arange(12) % 3 == 2, 1.0, theta), extras) for name, theta, extras in out]
     return out

@@ -18,7 +18,7 @@ from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import SHORTEST, Battery
 from flockbrush.learning.confounding import correlation_of
 from flockbrush.learning.herd_views import followed
-from flockbrush.learning.initial_conditions import resized, start_of
+from flockbrush.learning.initial_conditions import body_of, resized, speed_of, start_of
 from flockbrush.learning.interaction import interaction_of
 from flockbrush.learning.response import SPAN, response, scatters, turns_seen
 from flockbrush.learning.rollout import DT, Surroundings, params_of, rollout, theta_of
@@ -36,6 +36,7 @@ WHERE_DENSITY_COUNTS = (
     "pairs",
 )
 WHERE_ORDER_COUNTS = ("order nearby", "directions")
+HELD = 0.3  # of the frames, at the end, are held back until the choice
 FEWEST = 24  # frames, with fewer nothing is held back
 BEGINS = 0.0, 0.25, 0.5  # of the frames that are used, at which trials begin
 BEYOND = (10.0, 16.0)  # s, a herd is run on after the clip: four times its length, within
@@ -50,7 +51,7 @@ STAY = 20.0  # s
 OTHER_NUMBERS = 0.25, 4.0  # factors of the number of animals
 LOST = 4.0  # deviations from what it was, from which on a herd is just another one
 TOO_MANY = 1000  # animals: larger herds are not tried
-SIGHTS = 4.0, 8.0  # BL
+SIGHTS = 4.0, 8.0, 16.0  # BL
 UNKNOWN = 9.0  # stands for a correlation that is not known, in JSON
 
 
@@ -108,6 +109,17 @@ class Setting:
     use: frozenset[str]  # of `USE`: parts that are left out leave what animals do, and every loss and score
     beta: float
     device: str = "auto"  # of descents on fields: cpu, cuda, or a graphics card where there is one
+
+    @classmethod
+    def of(cls, clips: Sequence[Evidence], settings: SearchSettings) -> Setting:
+        """Of these clips, with the last frames of each held back."""
+        cut = [len(c.fields) - round(HELD * len(c.fields)) if len(c.fields) >= FEWEST else 0 for c in clips]
+        seen = tuple(c.part(slice(0, k)) if k else c for c, k in zip(clips, cut, strict=True))
+        back = tuple(c.part(slice(k, None)) if k else c for c, k in zip(clips, cut, strict=True))
+        speed = speed_of(list(clips)) if settings.speed is None else settings.speed
+        body = body_of(list(clips)) if settings.body is None else settings.body
+        use, beta = frozenset(settings.use), float(settings.beta)
+        return cls(tuple(clips), seen, back, speed, body, use, beta, settings.device)
 
     def vision(self, extras):
         """What animals see, as far as they respond to it."""

@@ -44,6 +44,8 @@ def room_kernel(percept, half, radius, free):
 def is_inside(evidence, frames, reach):
     """Whether the surroundings of each sighting are inside the picture, if the picture shows only part of a herd.
 
+    A film whose edge nobody touches shows the whole herd, wherever the camera has not looked.
+
     Parameters
     ----------
     evidence : Evidence
@@ -57,7 +59,7 @@ def is_inside(evidence, frames, reach):
         For all sightings of these frames, one after the other.
     """
     seen, fields, cut = evidence.sightings, evidence.fields, Gates.of(evidence.fields) is not None
-    if not cut and fields.seen.all():
+    if not cut and (fields.at_edge is not None or fields.seen.all()):
         return np.ones(sum(seen.first[t + 1] - seen.first[t] for t in frames), bool)
     out, ways = [], np.arange(8) * np.pi / 4
     around = reach * np.stack([np.cos(ways), np.sin(ways)], 1)

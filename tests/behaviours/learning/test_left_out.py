@@ -8,8 +8,8 @@ import pytest
 from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning import trials
-from flockbrush.learning.recipe import SearchSettings, _setting
-from flockbrush.learning.trials import USE, attempt, descend
+from flockbrush.learning.recipe import SearchSettings
+from flockbrush.learning.trials import USE, Setting, attempt, descend
 
 THETA, EXTRAS = np.full(12, 0.4), {"neighbour_range": 8.0}
 
@@ -25,7 +25,7 @@ def seen(request, clip):
     shown = clip if request.param == "told apart" else replace(clip, sightings=None)
 
     def tried(*parts):
-        return attempt(_setting((shown,), SearchSettings(use=USE - set(parts))), THETA, EXTRAS, [1], False)
+        return attempt(Setting.of((shown,), SearchSettings(use=USE - set(parts))), THETA, EXTRAS, [1], False)
 
     return shown, tried
 
@@ -46,7 +46,7 @@ def test_descents_on_fields_leave_it_out(clip, part, monkeypatch):
     monkeypatch.setattr(trials, "DESCENT", 3)
     fields = replace(clip, sightings=None)
     losses = [
-        descend(_setting((fields,), SearchSettings(use=use)), THETA, EXTRAS, 5)["loss"] for use in (USE, USE - {part})
+        descend(Setting.of((fields,), SearchSettings(use=use)), THETA, EXTRAS, 5)["loss"] for use in (USE, USE - {part})
     ]
     assert len(losses[0]) and not np.allclose(*losses)
 
@@ -54,7 +54,7 @@ def test_descents_on_fields_leave_it_out(clip, part, monkeypatch):
 @pytest.mark.parametrize("part", ["angular", "occlusion"])
 def test_descents_on_turns_leave_out_how_animals_see(clip, part):
     whole, without = (
-        descend(_setting((clip,), SearchSettings(use=use)), THETA, EXTRAS, 5) for use in (USE, USE - {part})
+        descend(Setting.of((clip,), SearchSettings(use=use)), THETA, EXTRAS, 5) for use in (USE, USE - {part})
     )
     assert whole["loss"][-1] != without["loss"][-1]
     assert (np.array(without["theta"])[2::3] == THETA[2::3]).all() == (part == "angular")

@@ -15,10 +15,10 @@ from flockbrush.learning import workers
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.initial_conditions import body_of, speed_of, start_of
 from flockbrush.learning.learned_parameters import Learned
-from flockbrush.learning.recipe import USE, SearchSettings, _setting, learn
+from flockbrush.learning.recipe import USE, SearchSettings, learn
 from flockbrush.learning.rollout import HerdStart, params_of, rollout, theta_of
 from flockbrush.learning.search_space import Code
-from flockbrush.learning.trials import OTHER_NUMBERS, attempt, forget, keep, simulate, stayed
+from flockbrush.learning.trials import OTHER_NUMBERS, Setting, attempt, forget, keep, simulate, stayed
 from flockbrush.learning.workers import Workers, WorkStopped
 
 FEW = SearchSettings(seed=1, budget_s=0.5, starts=2, brushes=False)
@@ -75,7 +75,7 @@ def test_a_part_that_is_left_out_leaves_the_loss_of_trials(clip, part):
     brush = swarm_of_graze()[1]
     losses = []
     for use in (USE, USE - {part}):
-        given = _setting((clip,), SearchSettings(use=use))
+        given = Setting.of((clip,), SearchSettings(use=use))
         losses.append(attempt(given, theta_of(brush.params), {"wander": 0.3}, [1], False))
         forget()
     assert losses[0]["score"] != losses[1]["score"]
@@ -150,13 +150,22 @@ def test_animals_that_lie_on_each_other_are_taken_for_discs():
     assert body_of([apart]).contact == "capsule"
 
 
-def test_evolution_walks_to_the_best_place():
-    goal, cloud = np.array([0.2, 0.7, 0.5, 0.9]), Evolution(np.full(4, 0.5), 0.15, 8, (1,))
+@pytest.mark.parametrize("goal", [(0.2, 0.7, 0.5, 0.9), (0.0, 1.0, 0.5, 0.0)])
+def test_evolution_walks_to_the_best_place(goal):
+    cloud = Evolution(np.full(4, 0.5), 0.15, 8, (1,))
     for _ in range(60):
-        cloud.tell([((x - goal) ** 2 * [1, 10, 100, 1]).sum() for x in cloud.ask()])
+        asked = cloud.ask()
+        assert asked.min() >= 0 and asked.max() <= 1
+        cloud.tell([((x - goal) ** 2 * [1, 10, 100, 1]).sum() for x in asked])
     assert np.abs(cloud.mean - goal).max() < 0.02
     again = Evolution(np.full(4, 0.5), 0.15, 8, (1,))
     assert np.array_equal(again.ask(), Evolution(np.full(4, 0.5), 0.15, 8, (1,)).ask())
+
+
+def test_evolution_that_begins_at_a_bound_is_not_pushed_away_from_it():
+    """Half of its candidates lie at the bound; folded back, all would lie inside."""
+    asked = Evolution([1.0, 0.5], 0.1, 4000, (1,)).ask()
+    assert (asked[:, 0] == 1.0).mean() == pytest.approx(0.5, abs=0.03)
 
 
 def long_run(given, theta, extras):
@@ -165,7 +174,7 @@ def long_run(given, theta, extras):
 
 def test_who_does_not_stay_what_the_clip_is_strays():
     clip, truth = swarm_of_graze(40, 3.0)
-    given = _setting((clip,), SearchSettings(speed=truth.speed, body=truth.body))
+    given = Setting.of((clip,), SearchSettings(speed=truth.speed, body=truth.body))
     sight = {"neighbour_range": truth.params.neighbour_range}
     theirs = long_run(given, theta_of(truth.params).tolist(), sight)
     aligned = long_run(given, [0.5, 0.3, 1.0, 1e-3, 0.1, 0.1, 1.0, 1.0, 1.0, 1e-3, 0.1, 0.1], sight)
@@ -177,7 +186,7 @@ def test_herds_from_a_photograph_are_asked_whether_they_stay_as_dense(clip):
     nobody_moves = np.full_like(clip.fields.velocity, np.nan)
     still = dataclasses.replace(clip.fields, velocity=nobody_moves, speed=nobody_moves[..., 0])
     truth, photo = swarm_of_graze()[1], dataclasses.replace(clip, fields=still, sightings=None)
-    given = _setting((photo,), SearchSettings(speed=truth.speed, body=truth.body))
+    given = Setting.of((photo,), SearchSettings(speed=truth.speed, body=truth.body))
     found = long_run(given, theta_of(truth.params).tolist(), {})
     assert np.isfinite(found["score"]) and set(found["figures"]) == {"as many"}
 
@@ -208,7 +217,7 @@ def test_a_program_that_is_killed_has_kept_what_was_done_before(tmp_path, monkey
 
 
 def test_two_processes_try_what_one_does(clip):
-    given = _setting((clip,), FEW)
+    given = Setting.of((clip,), FEW)
     tasks = [{"theta": [at] * 12, "extras": {}, "seeds": [1], "held": False} for at in (0.3, 0.6)]
     with Workers(given) as one, Workers(given, jobs=2) as two:
         assert one.map(attempt, tasks) == two.map(attempt, tasks)

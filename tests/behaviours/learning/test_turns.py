@@ -1,5 +1,7 @@
 """How animals turn tells their parameters."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
@@ -148,6 +150,21 @@ def test_the_best_so_far_is_kept_when_it_is_stopped():
 
 def test_who_is_not_told_apart_tells_no_turns():
     assert march(sight=False) is None
+
+
+@pytest.mark.parametrize("reach", [4.0, 16.0])
+def test_a_film_that_holds_the_whole_herd_tells_all_turns_wherever_the_camera_never_looked(reach):
+    seen = evidence_of_truth(herd("school", 40, 2.0, seed=4))
+    params = Params(neighbour_range=reach, leader_neighbours=-1)
+    ground = seen.fields.seen.copy()
+    ground[:, :, 0] = False
+    kinds = {"whole": np.zeros(len(seen.fields)), "cut": np.full(len(seen.fields), 0.2), "region": None}
+    found = {}
+    for kind, at_edge in kinds.items():
+        fields = replace(seen.fields, seen=ground, at_edge=at_edge)
+        found[kind] = len(turns_of(replace(seen, fields=fields), params=params).rows)
+    assert found["whole"] == len(turns_of(seen, params=params).rows) > 0
+    assert found["cut"] <= found["region"] < found["whole"]
 
 
 def test_several_clips_are_learned_as_one():
