@@ -80,9 +80,9 @@ GOOD, NARROW = 0.4, 0.2  # score from which on steps grow, to full ones at 1 mor
 DRAWS, QUICK_DRAWS, TWICE = 384, 64, 9  # random ones that are tried where a descent has only fields; most, tried again
 ONE_OF, ONE_OF_DRAWS = 3, 6  # of so many, one is tried to the end
 CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
-WANDERING = 0.5, 1.0, 1.6  # factors of the wander that gives the usual scatter: rare large turns need more
+WANDERING = 0.5, 1.2  # factors of the wander that gives the usual scatter: lasting herds need less, large turns more
 FINALISTS, QUICK_FINALISTS = 4, 3
-KEEPERS = 3  # candidates, re-run for 20 s to test stability
+KEEPERS = 4  # candidates, re-run for 20 s to test stability
 KEEPING = 0.2  # of the choice
 AGREEING = 3  # starts, where no turns say how sure a number is
 
