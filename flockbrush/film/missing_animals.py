@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 NEAREST = 8  # neighbours, seen or missing, that an animal is assumed to respond to
 ONWARDS = 2.0  # s before the first and after the last sight
 STEPS = 8  # frames by which the velocity of the first and the last sight is measured
+MOST_SEEN = 0.95  # quantile of the numbers of animals in frames that is taken for all of a herd
 UNSEEN = 0.1  # share of neighbours missing at which an animal counts half.  By trial: tests/behaviours/learning
 
 
@@ -69,6 +70,17 @@ def neighbours_seen(xy, missing) -> np.ndarray:
         others = np.argsort(who == own, axis=1, kind="stable")[:, :k]  # itself comes last, wherever it was
         out[t, here] = 1.0 - (np.take_along_axis(who, others, 1) >= len(here)).mean(1)
     return out
+
+
+def share_lost(evidence) -> float:
+    """Share of the animals that are usually not found where a film holds the whole herd; 0 where that is not known.
+
+    As many animals are in every frame, so where fewer are found, some are taken for one: mostly the nearest neighbours.
+    """
+    if evidence.sightings is None or evidence.from_tracks or not evidence.fields.holds_all:
+        return 0.0
+    found = np.diff(evidence.sightings.first)
+    return float(1.0 - min(found.mean() / max(np.quantile(found, MOST_SEEN), 1.0), 1.0)) if len(found) else 0.0
 
 
 def trust(neighbours_seen):

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
-from flockbrush.film.missing_animals import trust
+from flockbrush.film.missing_animals import share_lost, trust
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.herd_views import fields_of, in_picture, told_apart, view_of
 from flockbrush.learning.rollout import Run
@@ -35,6 +35,7 @@ SETTLED = 1 / 3  # of the time, that is left out at the beginning
 BLOCKS, RESAMPLED = 5, 200  # of the bootstrap
 DEVIATIONS = 3.0  # of clip and runs together, within which herds are alike: any of a dozen may be off by chance
 STANDS, SLOWEST = 0.15, 0.05  # of the clip's fast animals; BL/s: slower animals stand
+FARTHER = 2.0  # of the share of animals that a film loses, by which nearest neighbours seem farther away, about
 WAVERS = 0.7  # of the value of as many independent animals: the fluctuation of the order of a herd without any
 RINGS = 10  # of distance, in which velocities are compared
 FARTHEST = 8.0  # limits: a herd that is farther off is just as wrong
@@ -400,6 +401,8 @@ class Battery:
         floor = max(kind.floor, kind.share * level)
         if name == "spread":  # headings that are a little off at the start carry animals apart
             floor += self.clip.heading_noise * float(np.abs(self.values.get("speeds", np.zeros(1))).mean())
+        if name == "nearest neighbour":
+            floor += FARTHER * share_lost(self.clip) * level
         if name in CHANCE:  # few disordered animals are polarized by chance, for as long as their headings persist
             floor = max(floor, WAVERS * self.chance[name] * (1.0 - level**2))
         if name == "correlation length":

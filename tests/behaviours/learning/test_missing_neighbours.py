@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
 from flockbrush.behaviours.models.herd import Params
+from scipy.spatial import cKDTree
 
-from flockbrush.film.missing_animals import NEAREST, missing_places, neighbours_seen
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import evidence_of_truth
+from flockbrush.film.missing_animals import NEAREST, missing_places, neighbours_seen, share_lost
+from flockbrush.film.observations import SIGHT_COLUMNS, Sightings
 from flockbrush.film.track_evidence import evidence_of_tracks
 from flockbrush.film.track_files import Trajectories
 from flockbrush.learning.battery import Battery
@@ -137,3 +141,22 @@ def test_animals_that_come_late_among_the_others_make_the_others_count_less_befo
     seen = evidence_of(xy).sightings
     before, after = (seen.neighbours_seen[seen.of(t)].mean() for t in (20, 50))
     assert before < 0.8 and after == 1.0
+
+
+def test_where_a_film_takes_two_animals_for_one_their_distances_are_less_sure():
+    whole = evidence_of_truth(herd("topological", 60, 4.0, seed=2))
+    seen, rng = whole.sightings, np.random.default_rng(0)
+    near = np.concatenate([cKDTree(xy).query(xy, k=2)[0][:, 1] for xy in np.split(seen.xy, seen.first[1:-1])])
+    kept = (near > 0.5) | (rng.random(len(near)) < 0.4) | (seen.frame % 10 == 0)
+    first = np.concatenate([[0], np.cumsum(np.bincount(seen.frame[kept], minlength=len(seen)))])
+    columns = {name: getattr(seen, name)[kept] for name in SIGHT_COLUMNS}
+    film = replace(whole, sightings=Sightings(first, **columns))
+    assert share_lost(whole) == 0.0 and share_lost(film) == pytest.approx(1.0 - kept.mean(), abs=0.02)
+    tracks = replace(film, picture=np.zeros((4, 4, 3), np.uint8))
+    assert tracks.from_tracks and share_lost(tracks) == 0.0  # their gaps are known
+    battery, exact = Battery.of(film), Battery.of(whole)
+    distance = "nearest neighbour"
+    farther = battery.values[distance][0] - exact.values[distance][0]
+    row = battery.compared([exact.values])[list(battery.values).index(distance)]
+    assert row.limit > farther > 0.1 * exact.values[distance][0]
+    assert row.met

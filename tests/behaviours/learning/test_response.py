@@ -53,6 +53,14 @@ def test_who_wanders_is_told_by_the_scatter_of_turns(clip):
     assert not rows_of(clip, changed(wander=1.5))[SCATTER].met
 
 
+def test_of_a_large_herd_fewer_moments_say_the_same(clip, monkeypatch):
+    whole = len(module.turns_seen(clip, clip.sightings, TRUTH).rows)
+    monkeypatch.setattr(module, "MANY", 1500)
+    assert len(module.turns_seen(clip, clip.sightings, TRUTH).rows) == pytest.approx(whole / 2, rel=0.05)
+    assert rows_of(clip, TRUTH)[RESPONSE].met
+    assert rows_of(clip, changed(cohesion_weight=0.1 * TRUTH.params.cohesion_weight))[RESPONSE].far > 1.5
+
+
 def test_what_a_clip_asks_for_is_the_least_squares_change_of_the_numbers(clip):
     turns = turns_of(clip, TRUTH.body, TRUTH.vision, TRUTH.params)
     turn, slope = predicted(turns, theta_of(TRUTH.params), TRUTH.params)
