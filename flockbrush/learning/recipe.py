@@ -8,7 +8,7 @@
    herds, observed as the clip is, scatter about what forces say as its animals do.
 4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
    (`flockbrush.learning.scores`; of single animals by the limits of `flockbrush.learning.battery`, too): once as far
-   as the clip goes, and the better half (of draws a sixth) well beyond, so that a mill must keep milling and not only
+   as the clip goes, and the better third (of draws a sixth) well beyond, so that a mill must keep milling and not only
    begin as one.
 5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
    fast animals can turn and how fast they answer.  It begins with changes that leave the turns as likely as they are.
@@ -314,7 +314,7 @@ class _Search:
         return min(scores) if scores else np.nan
 
     def _sift(self, workers):
-        """Try all beside the clip, the better half to the end, and the best of these again."""
+        """Try all beside the clip, the better third to the end, and the best of these again."""
         which, seed = self._interacting(workers, self._distinct()), _seed(self.seed, 2, 0)
         self.say(0, len(which), np.nan, "trials")
         beside = workers.map(trial, [self._trial(k, seed, False, False) for k in which])
