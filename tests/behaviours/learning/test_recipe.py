@@ -15,7 +15,7 @@ from flockbrush.learning import workers
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.initial_conditions import body_of, speed_of, start_of
 from flockbrush.learning.learned_parameters import Learned
-from flockbrush.learning.recipe import USE, SearchSettings, learn
+from flockbrush.learning.recipe import KEEPERS, USE, SearchSettings, learn
 from flockbrush.learning.rollout import HerdStart, params_of, rollout, theta_of
 from flockbrush.learning.search_space import Code
 from flockbrush.learning.trials import OTHER_NUMBERS, Setting, attempt, forget, keep, simulate, stayed
@@ -52,7 +52,7 @@ def test_what_is_learned_is_a_brush_and_what_is_known_of_it(found):
     assert found.theta.shape == (12,) and (found.theta >= 1e-3).all() and (found.theta <= 1).all()
     assert found.speed.mean == pytest.approx(0.3, rel=0.2)
     chosen, judged = found.starts[found.chosen], [a for a in found.starts if np.isfinite(a.staying)]
-    assert np.isfinite(chosen.staying) and len(judged) == 3  # the others stray or fit worse
+    assert np.isfinite(chosen.staying) and len(judged) == KEEPERS  # the others stray or fit worse
     assert all(chosen.score <= a.score or chosen.staying <= a.staying for a in judged)
     assert found.identifiable.shape == (12,) and not found.interrupted
     assert not found.identifiable[9:].any()  # there is no obstacle in the clip
