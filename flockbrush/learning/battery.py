@@ -185,7 +185,8 @@ def yard_of(looks, single, span=SPAN[0]) -> Yard:
     speed = np.concatenate([np.hypot(*look.velocity.T) for look in looks])
     speed = speed[np.isfinite(speed)]
     fast = float(np.quantile(speed, 0.9)) if len(speed) else 0.0
-    spread = float(np.median([_spread(look) for look in looks])) if looks else 1.0
+    spreads = [_spread(look) for look in looks if len(look.xy)]
+    spread = float(np.median(spreads)) if spreads else 1.0
     return Yard(span, max(STANDS * fast, SLOWEST), np.linspace(0.0, 2.0 * max(spread, 0.5), RINGS + 1), single)
 
 
@@ -274,7 +275,7 @@ def _products_by_distance(xy, velocity, rings):
             k = int(far)
             if min(far - k, k + 1.0 - far) < 1e-9 * far:  # so near a ring's edge that rounding decides
                 k = int(np.hypot(x, y) * per_length)
-            if k < count:
+            if 0 <= k < count:
                 found[k] += velocity[i, 0] * velocity[j, 0] + velocity[i, 1] * velocity[j, 1]
                 found[count + k] += 1
     return found

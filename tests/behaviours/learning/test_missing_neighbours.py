@@ -14,7 +14,7 @@ from flockbrush.film.missing_animals import NEAREST, missing_places, neighbours_
 from flockbrush.film.observations import SIGHT_COLUMNS, Sightings
 from flockbrush.film.track_evidence import evidence_of_tracks
 from flockbrush.film.track_files import Trajectories
-from flockbrush.learning.battery import Battery
+from flockbrush.learning.battery import Battery, _products_by_distance
 from flockbrush.learning.herd_views import view_of
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.rollout import NAMES, HerdStart, rollout
@@ -160,3 +160,16 @@ def test_where_a_film_takes_two_animals_for_one_their_distances_are_less_sure():
     row = battery.compared([exact.values])[list(battery.values).index(distance)]
     assert row.limit > farther > 0.1 * exact.values[distance][0]
     assert row.met
+
+
+def test_a_clip_that_nobody_is_in_for_a_while_has_measures():
+    """As of pedestrians who come and go; its distances were told by rings of NaN, which a kernel took for addresses."""
+    params = Params(**dict(zip(NAMES, THETA.tolist(), strict=True)))
+    xy = swarm(4, params)
+    xy[60:100] = np.nan
+    evidence = evidence_of(xy)
+    assert (np.diff(evidence.sightings.first) == 0).any()
+    battery = Battery.of(evidence)
+    assert np.isfinite(battery.series.yard.rings).all() and {"polarization", "speeds"} <= set(battery.values)
+    pairs = _products_by_distance(xy[0], xy[1] - xy[0], np.full(11, np.nan))
+    assert not pairs.any()
