@@ -166,7 +166,7 @@ def test_a_clip_that_nobody_is_in_for_a_while_has_measures():
     """As of pedestrians who come and go; its distances were told by rings of NaN, which a kernel took for addresses."""
     params = Params(**dict(zip(NAMES, THETA.tolist(), strict=True)))
     xy = swarm(4, params)
-    xy[60:100] = np.nan
+    xy[60:80] = np.nan
     evidence = evidence_of(xy)
     assert (np.diff(evidence.sightings.first) == 0).any()
     battery = Battery.of(evidence)
