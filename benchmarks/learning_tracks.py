@@ -171,7 +171,7 @@ def learned(data: Data, options):
     return {
         "verdict": result.verdict, "kind": result.kind, "learned": own, "rivals": rivals, "measures": result.measures,
         "parameters": [vars(one) | {"told": one.told} for one in result.parameters], "notes": result.notes,
-        "quick": options.quick, "seconds": time.perf_counter() - begun,
+        "quick": options.quick, "seconds": time.perf_counter() - begun, "date": time.strftime("%Y-%m-%d"),
     }  # fmt: skip
 
 
@@ -192,18 +192,20 @@ def relation(folder):
 def page(done):
     """Return the text of docs/benchmark-tracks.md."""
     return (
-        "\n".join([*_head(), *_table(done), *(line for name in DATA if name in done for line in _of(name, done))])
+        "\n".join([*_head(done), *_table(done), *(line for name in DATA if name in done for line in _of(name, done))])
         + "\n"
     )
 
 
-def _head():
+def _head(done):
+    dates = sorted({one["date"] for name, one in done.items() if name in DATA})
     return [
         "# Brushes learned from tracks of real animals", "",
         _prose(
             "This page is written by `python benchmarks/learning.py tracks --data DIR --write`, from open data that "
             "are not part of Flockbrush. Each brush is judged by frames or recordings that it was not learned from, "
-            "with the [measures of the report](learning.md#the-report)."
+            "with the [measures of the report](learning.md#the-report). The figures are of "
+            f"{' and '.join(dates)}; other versions learn other brushes."
         ), "",
         _prose(
             "The table shows the distance of a simulated herd from the tracks: the root mean square of the differences "
