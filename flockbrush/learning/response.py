@@ -110,7 +110,7 @@ def _answer_of_run(run, clip, brush):
 
 def turns_seen(clip: Evidence, seen: Sightings | None, brush) -> Turns | None:
     """The turns in sightings, of the clip or of a run, at those moments that are looked at."""
-    if seen is None:
+    if seen is None or clip.sightings is None:
         return None
     ahead = max(1, round(SPAN * clip.fps))
     every = max(1, len(clip.fields) // LOOKS, -(-len(clip.sightings.xy) // MANY))
