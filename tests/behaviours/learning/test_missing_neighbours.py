@@ -163,7 +163,7 @@ def test_where_a_film_takes_two_animals_for_one_their_distances_are_less_sure():
 
 
 def test_a_clip_that_nobody_is_in_for_a_while_has_measures():
-    """As of pedestrians who come and go; its distances were told by rings of NaN, which a kernel took for addresses."""
+    """Pedestrians come and go.  Where nobody is, distances were NaN, and a kernel wrote outside of its array."""
     params = Params(**dict(zip(NAMES, THETA.tolist(), strict=True)))
     xy = swarm(4, params)
     xy[60:80] = np.nan
