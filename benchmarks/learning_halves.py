@@ -60,6 +60,7 @@ def add(commands):
     parser.add_argument(
         "--again", action="store_true", help="judge the stored parameters by the battery, and the truth"
     )
+    parser.add_argument("--model", default="auto", choices=("auto", "herd"), help="kind of model to learn")
     parser.add_argument("--no-rivals", dest="rivals", action="store_false", help="no random and no shipped parameters")
     parser.add_argument("--data", type=Path, default=DATA, help="folder with the data sets")
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
@@ -108,7 +109,10 @@ def evidence_of_clip(name, options, folder):
 def halves_of(name, options):
     """Return the figures of one clip."""
     from flockbrush.film.observations import halves
+    from flockbrush.learning.model_choice import AUTO, comparison_of, nearest
+    from flockbrush.learning.model_fit import learned_model
     from flockbrush.learning.recipe import SearchSettings, learn
+    from flockbrush.learning.which_model import problem_of
 
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
@@ -116,12 +120,15 @@ def halves_of(name, options):
     first, second = halves(evidence)
     looked = time.perf_counter()
     found = learn(first, SearchSettings(budget_s=options.budget), jobs=options.jobs)
+    if options.model == AUTO and not problem_of([first]):
+        contenders = comparison_of([first], 0).contenders
+        found = nearest([found, *(learned_model([first], kind, jobs=options.jobs) for kind in contenders)])
     learned = time.perf_counter()
     given = found.speed, found.body
     mine = judged(second, found.params, *given, found.vision)
     row = {
-        **mine, "chosen": found.starts[found.chosen].name, "theta": np.round(found.theta, 3).tolist(),
-        "extras": {k: round(v, 3) if isinstance(v, float) else v for k, v in found.extras.items()},
+        **mine, "kind": found.kind, "chosen": found.starts[found.chosen].name,
+        "params": found.params.model_dump(), "vision": found.vision.model_dump(), "body": found.body.model_dump(),
         "seen one by one": first.sightings is not None, "looking, s": round(looked - begun, 1),
         "learning, s": round(learned - looked, 1),
     }  # fmt: skip
@@ -154,19 +161,18 @@ def _rivals_of(second, given, mine):
 
 def again(name, options, row):
     """Return a stored row with the battery of its parameters, and of the true model simulated again."""
-    from flockbrush.behaviours.brush import VisionSpec
+    from flockbrush.behaviours.brush import BodySpec, VisionSpec
 
     from flockbrush.film.observations import halves
-    from flockbrush.learning.initial_conditions import body_of, speed_of
-    from flockbrush.learning.rollout import params_of
+    from flockbrush.learning.initial_conditions import speed_of
+    from flockbrush.learning.likelihood import likelihoods
 
     with tempfile.TemporaryDirectory() as folder:
         evidence, film = evidence_of_clip(name, options, folder)
     first, second = halves(evidence)
-    extras = row["extras"]
     learned = SimpleNamespace(
-        params=params_of(row["theta"], extras), speed=speed_of([first]), body=body_of([first]),
-        vision=VisionSpec(range=extras["neighbour_range"]),
+        params=likelihoods()[row["kind"]].behaviour.Params(**row["params"]), speed=speed_of([first]),
+        body=BodySpec(**row["body"]), vision=VisionSpec(**row["vision"]),
     )  # fmt: skip
     return row | _battery_of(name, options, evidence, film, second, learned, row)
 

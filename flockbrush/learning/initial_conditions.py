@@ -54,14 +54,14 @@ def speed_of(evidences: list[Evidence]) -> SpeedSpec:
     )
 
 
-def body_of(evidences: list[Evidence]) -> BodySpec:
-    """Bodies as wide as the clip's; discs, and smaller ones, where its animals would lie on one another."""
+def body_of(evidences: list[Evidence], discs: bool = False) -> BodySpec:
+    """Bodies as wide as the clip's; as discs, and smaller ones, if asked or if its animals would lie on one another."""
     radius = float(np.clip(np.median([e.radius_bl for e in evidences]), 0.05, 0.5))
     near = [_nearest(e) for e in evidences if told_apart(e)]
     if not near:
         return BodySpec(length=1.0, radius=radius)
     gap, lying = np.concatenate([g for g, _ in near]), np.mean([share for _, share in near])
-    if lying <= TOUCHING:
+    if lying <= TOUCHING and not discs:
         return BodySpec(length=1.0, radius=radius)
     radius = float(np.clip(min(radius, 0.5 * np.quantile(gap, 0.05)), 0.05, 0.5))
     return BodySpec(length=1.0, radius=radius, contact="disc")

@@ -14,8 +14,8 @@ from flockbrush.behaviours.brush import Brush, load_brush, shipped
 from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.engine.files import held, output_problems, refused, write_text
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.film.observations import CannotObserve, Evidence
-from flockbrush.film.open_clip import Looking, facts_of, look_at, looked_apart, pictures_of, tell_notes, training_begun
+from flockbrush.film.observations import CannotObserve
+from flockbrush.film.open_clip import Looking, facts_of, look_at, looked_apart, tell_notes, training_begun
 from flockbrush.learning.ablation import ablated
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.folds import ClipFolds, Fold, folds_of, seen_within
@@ -27,7 +27,7 @@ from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of, name_of
 from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.learned_program import program_of
-from flockbrush.learning.model_choice import AUTO, check_kind, kind_of
+from flockbrush.learning.model_choice import AUTO, check_kind, comparison_of, kind_of, nearest
 from flockbrush.learning.model_fit import learned_model
 from flockbrush.learning.other_starts import with_other_starts
 from flockbrush.learning.photo import SPEED, standing
@@ -36,12 +36,11 @@ from flockbrush.learning.regions import Region, regions_of
 from flockbrush.learning.report import as_json, write_overview, write_partial, write_report
 from flockbrush.learning.report_folder import folder_problems, make_folder
 from flockbrush.learning.result import Findings
-from flockbrush.learning.rollout import Run
-from flockbrush.learning.side_by_side import ComparisonGround
-from flockbrush.learning.simulate import longest_way, simulated
+from flockbrush.learning.side_by_side import moments_beside
+from flockbrush.learning.simulate import simulated
 from flockbrush.learning.verdict import RUNS as JUDGED_RUNS
 from flockbrush.learning.verdict import combined, judge
-from flockbrush.learning.which_model import HERD
+from flockbrush.learning.which_model import HERD, ModelComparison
 from flockbrush.output.figures import drawing_problems
 from flockbrush.runs.cluster import Cluster, Tls, cluster
 from flockbrush.runs.compile_ahead import compiling_for
@@ -66,7 +65,7 @@ class LearnOptions:
     beta: float = 0.5
     seed: int = 0
     starts: int = 5
-    model: str = HERD
+    model: str = AUTO
     jobs: int = 1
     workers: tuple[str, Tls] | None = None  # of a cluster, instead of processes
     share: float = 0.5  # of a clip that is learned from
@@ -255,11 +254,14 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
     began = time.perf_counter()
     photo, folds = _is_photo(herd.seen[0].whole), folds_of(herd.seen)
     interrupts.gently()
-    herd.kind, models = kind_of(wishes.model, [seen.whole for seen in herd.seen], photo, wishes.seed)
-    herd.notes += [models.sentence] if models is not None else []
-    judged = []
+    kind = kind_of(wishes.model, [seen.whole for seen in herd.seen], _only_herd(wishes, photo))
+    later = wishes.helpers.later(comparison_of, folds[0].clips, wishes.seed) if kind == AUTO else None
+    herd.kind, models, judged = HERD if kind == AUTO else kind, None, []
     for k, fold in enumerate(folds):
         learned = _learned(fold.clips, herd, wishes, interrupts, photo, part=k, of=len(folds))
+        if k == 0 and later is not None and not interrupts.asked:
+            models = later.result()
+            learned = _nearest_kind(learned, models, fold, herd, wishes, interrupts, len(folds))
         judged.append(_found(herd, fold, learned, wishes))
         if k == 0 and len(herd.seen) == 1:
             write_text(herd.out, brush_to_toml(judged[0].brush))  # what was learned is safe from here on
@@ -297,6 +299,25 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         make_folder(folder)
         write_report(found, folder, wishes.helpers)
     return found
+
+
+def _only_herd(wishes, photo) -> str:
+    """Why no other kind of model can be learned; "" if others can."""
+    if photo:
+        return "it is one picture, and models are compared by the turns of animals"
+    only = wishes.model == AUTO and (wishes.quick or wishes.ablate)
+    return "--quick and --ablate are for the herd model" if only else ""
+
+
+def _nearest_kind(learned, models: ModelComparison, fold, herd: BrushTask, wishes, interrupts, of) -> Learned:
+    """What was learned as the herd, or as a kind of model that contends with it, whichever is nearer to the clip."""
+    tried = [learned]
+    for herd.kind in models.contenders:
+        tried.append(_learned(fold.clips, herd, wishes, interrupts, False, of=of))
+    learned = nearest(tried)
+    herd.kind = models.learned = learned.kind
+    herd.notes += [models.sentence, models.decision]
+    return learned
 
 
 def _found(herd, fold: Fold, learned, wishes) -> Findings:
@@ -378,8 +399,6 @@ def _learned(
     clips, herd, wishes, interrupts, photo, use=USE, fresh=False, part=0, of=1, begins=None,
 ) -> Learned:  # fmt: skip
     """Run the recipe with a progress bar that shows the loss; ``part`` counts the runs for one brush."""
-    if herd.kind != HERD:
-        return learned_model(clips, herd.kind, wishes.seed)
     learnings = of if photo else 1 + of  # all frames are fitted at the end
     state, usual = herd.state(part), BUDGET / learnings
     budget = QUICK_BUDGET if wishes.quick else THOROUGH * usual if wishes.thorough else usual
@@ -396,13 +415,13 @@ def _learned(
             bar(1000 * done / max(total, 1), f"{name}: {text}, loss {number(loss)}")
 
         starts = min(wishes.starts, QUICK_STARTS) if wishes.quick else wishes.starts
+        how = {"jobs": wishes.helpers, "say": told, "stop": lambda: interrupts.asked > 0}
+        if herd.kind != HERD:
+            return learned_model(clips, herd.kind, wishes.seed, quick=wishes.quick, **how)
         settings = SearchSettings(
             wishes.seed, starts, use, wishes.beta, budget, begins=begins, device=wishes.device, quick=wishes.quick,
         )  # fmt: skip
-        return learn(
-            clips, settings, jobs=wishes.helpers, cluster=wishes.crew, say=told, stop=lambda: interrupts.asked > 0,
-            resume=None if fresh else state,
-        )  # fmt: skip
+        return learn(clips, settings, cluster=wishes.crew, resume=None if fresh else state, **how)
 
 
 def _brush(herd, learned, clips, wishes, figures={}, notes=()) -> Brush:  # noqa: B006  read only
@@ -433,7 +452,7 @@ def _compare(found: Findings, wishes, interrupts, photo):
     found.comparison = compared(frames, runs)
     if wishes.report is not None:
         many = MOMENTS_OF_PHOTO if photo else MOMENTS
-        found.moments = moments_of(wishes.clips[0], frames, runs[0], brush, many)
+        found.moments = moments_beside(wishes.clips[0], frames, runs[0], brush, many)
     found.counts = with_other_numbers(*asked) if counts is None else counts.result()
     found.starts = [] if starts is None else starts.result()
 
@@ -455,25 +474,6 @@ def _ablate(found, wishes, interrupts, herd):
         return _learned(found.clips, herd, wishes, interrupts, False, USE - {part}, fresh=True)
 
     found.ablations = ablated(wishes.ablate, frames, found.comparison, without, say)
-
-
-def moments_of(clip, frames: Evidence, run: Run, brush, count=MOMENTS) -> list[np.ndarray]:
-    """Clip beside simulation at some moments, (h, w, 3) RGB."""
-    total = len(frames.fields)
-    chosen = np.unique(np.linspace(0, total - 1, count).round().astype(int))
-    pictures, scale = pictures_of(clip, frames, chosen)
-    stage = ComparisonGround(frames, brush, [longest_way(run)], scale)
-    made = []
-    for t in range(total):  # every frame, for the trails
-        rows = run.of(t)
-        seconds = float(run.times[t])
-        if t in pictures:
-            filmed = "photograph" if _is_photo(frames) else f"clip, frame {frames.fields.frames[t]}"
-            words = (filmed, f"{brush.name}, after {seconds:.1f} s")
-            made.append(stage.beside(pictures[t], t, run.xy[rows], run.forward[rows], seconds, words, run.ids[rows]))
-        else:
-            stage.herd(run.xy[rows], run.forward[rows], seconds, run.ids[rows])
-    return made
 
 
 # messages ----------------------------------------------------------------------------------------

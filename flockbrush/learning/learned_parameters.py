@@ -11,6 +11,7 @@ from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
 from flockbrush.learning.rollout import LEAST, MOST, NAMES
 
 FAINT = 0.1  # of the strongest weight, below which the ranges of a force are not identifiable
+KEEPING = 0.2  # of the merit of an attempt: what its herds do in the long run
 SURE = 0.1  # of the range 0 to 1: an identifiable number has a smaller error
 
 
@@ -31,6 +32,11 @@ class Attempt:
     figures: dict[str, float] = field(default_factory=dict)  # the parts of the score by name
     # how far its herds stray from what the clip is in 20 s and with other numbers of animals; NaN not tried
     staying: float = np.nan
+
+    @property
+    def merit(self) -> float:
+        """What attempts are chosen by: less is better."""
+        return float(np.sqrt((1 - KEEPING) * self.score**2 + KEEPING * self.staying**2))
 
 
 @dataclass

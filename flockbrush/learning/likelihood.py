@@ -77,6 +77,11 @@ def likelihoods() -> dict[str, Likelihood]:
     return dict(sorted(_registry.items()))
 
 
+def likelihood_of(params) -> Likelihood | None:
+    """That of the model of these parameters; None where there is none."""
+    return next((kind for kind in likelihoods().values() if kind.behaviour.Params is type(params)), None)
+
+
 # numbers between 0 and 1 ------------------------------------------------------------------------
 
 

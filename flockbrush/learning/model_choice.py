@@ -8,11 +8,13 @@ from collections.abc import Sequence
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from flockbrush.film.observations import Evidence
+from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.model_fit import add_distances, kinds_of_models
 from flockbrush.learning.which_model import HERD, ModelComparison, compare_models, problem_of
-from flockbrush.runs.terminal import measure, progress, table
+from flockbrush.runs.terminal import measure, table
 
 AUTO = "auto"
+AS_NEAR = 1.2  # times the distance of the herd: another kind is learned below it
 COLUMNS = "model", "perception", "log score", "±", "behind", "± ", "distinct", "battery"
 
 
@@ -24,25 +26,49 @@ def check_kind(name: str) -> None:
         raise ProblemsError([Problem("--model", None, None, message)])
 
 
-def kind_of(name: str, clips: Sequence[Evidence], photo: bool, seed: int) -> tuple[str, ModelComparison | None]:
-    """(kind of model to learn, what it was compared with): of these clips.
+def kind_of(name: str, clips: Sequence[Evidence], only_herd: str = "") -> str:
+    """The kind of model to learn from these clips; `AUTO` if `comparison_of` them tells which.
+
+    Parameters
+    ----------
+    name : str
+        As ``--model`` names it; auto is the herd where others cannot be learned.
+    only_herd : str
+        Why others cannot be learned, whatever the clips show; "" if they can.
 
     Raises
     ------
     ProblemsError
-        When the clips do not tell what another model than the herd needs.
+        When the clips do not tell what the model needs.
     """
     if name == HERD:
-        return HERD, None
-    problem = "it is one picture, and models are compared by the turns of animals" if photo else problem_of(clips)
-    if problem:
+        return HERD
+    problem = only_herd or problem_of(clips)
+    if problem and name != AUTO:
         raise refused(clips[0].name, f"{problem}: leave out --model {name}")
-    if name != AUTO:
-        return name, None
-    with progress("comparing models", 5) as bar:
-        found = compare_models(clips, seed=seed, say=lambda done, of, kind: bar(done, f"comparing models: {kind}"))
-        add_distances(found.rows, clips, seed)
-    return found.chosen.name, found
+    return HERD if problem else name
+
+
+def comparison_of(clips: Sequence[Evidence], seed: int) -> ModelComparison:
+    """All kinds of models that have a likelihood, compared on these clips."""
+    found = compare_models(clips, seed=seed)
+    add_distances(found.rows, clips, seed)
+    return found
+
+
+def nearest(tried: Sequence[Learned]) -> Learned:
+    """The one of several kinds whose simulated herds are nearest to the clip, the herd being the first.
+
+    The turns are likelier by the others, which therefore need to be only about as near.
+    """
+    herd, *others = tried
+    best = min(others, key=_merit, default=herd)
+    return best if best is not herd and _merit(best) < AS_NEAR * _merit(herd) else herd
+
+
+def _merit(learned):
+    merit = learned.starts[learned.chosen].merit
+    return merit if math.isfinite(merit) else math.inf
 
 
 def cells_of(found: ModelComparison) -> list[list[str]]:
@@ -77,7 +103,8 @@ def as_json(found: ModelComparison | None) -> dict | None:
         for row in found.rows
     ]  # fmt: skip
     return {
-        "chosen": found.chosen.name, "equal": found.equal, "sentence": found.sentence, "blocks": found.blocks,
+        "chosen": found.learned, "contenders": found.contenders, "equal": found.equal,
+        "sentence": found.sentence, "blocks": found.blocks,
         "straight_on": found.straight, "rows": rows,
     }  # fmt: skip
 
@@ -87,7 +114,7 @@ def add_models(page, found: ModelComparison | None) -> None:
     if found is None:
         return
     page.head("Comparison of models")
-    page.say(found.sentence)
+    page.say(f"{found.sentence} {found.decision}")
     page.table(list(COLUMNS), cells_of(found), words=2)
     page.say(
         "Log score: mean logarithm of the likelihood of the next step of an animal, in blocks of the clip that the "

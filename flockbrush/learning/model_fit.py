@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,20 +14,21 @@ from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import Battery
 from flockbrush.learning.confounding import correlation_of
-from flockbrush.learning.evolution import Evolution
+from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.learned_parameters import Attempt, Learned
-from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, read, scales_of
+from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, scales_of
+from flockbrush.learning.model_search import STEP, WIDE_STEP, ModelSetting, first_shape, refined
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import LEAST, MOST, NAMES, theta_of
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.turns import FREEDOM, cramer_rao
 from flockbrush.learning.which_model import ModelRow, TurnBlocks, likeliest
+from flockbrush.learning.workers import WorkStopped
 
 SURE = 0.1  # of the range of a number: an identifiable one has a smaller error
 WIDER = 1.2  # of what is left over to the wander it makes, as the recipe of the herd takes it
 MOST_WANDER, QUIET = 2.0, 0.02  # rad/√s
-SIZE, GENERATIONS, STEP = 8, 6, 0.2  # of a fit by simulation
 SPAN = 4.0  # times the default up and down, within which a fit by simulation looks
 SEES = VisionSpec(range=8.0)
 RUNS = 2
@@ -61,8 +63,18 @@ def wander_of(spread: float, blocks: TurnBlocks) -> float:
     return float(np.clip(found, 0.0, MOST_WANDER)) if found > QUIET else 0.0
 
 
-def learned_model(clips: Sequence[Evidence], name: str, seed: int = 0) -> Learned:
+def learned_model(
+    clips: Sequence[Evidence], name: str, seed: int = 0, *, quick: bool = False, jobs: int | Helpers = 1,
+    stop: Callable[[], bool] | None = None, say: Callable[[int, int, float, str], None] | None = None,
+) -> Learned:  # fmt: skip
     """The numbers of one kind of model, by these frames alone.
+
+    Parameters
+    ----------
+    quick : bool
+        Without refinement by simulated herds.
+    jobs, stop, say
+        As for `flockbrush.learning.recipe.learn`; a search that is stopped leaves the fit to next steps.
 
     Raises
     ------
@@ -70,33 +82,41 @@ def learned_model(clips: Sequence[Evidence], name: str, seed: int = 0) -> Learne
         When there is no such kind.
     """
     if name not in likelihoods():
-        return _simulated_fit(clips, behaviours()[name], seed)
+        return _simulated_fit(clips, behaviours()[name], seed, {"jobs": jobs, "stop": stop, "say": say})
     kind, blocks = likelihoods()[name], TurnBlocks(clips)
     vision, params = likeliest(kind, blocks, seed)
     slopes = Slopes(blocks.train(vision), kind.behaviour, kind.numbers, params)
     x = place(kind.numbers, params)
-    off = slopes.off(x)
-    score, spread = slopes.score(off)
+    information, spread = _information(slopes, x)
     params = params.model_copy(update=_chance(params, wander_of(spread, blocks)))
-    information = _information(slopes.slopes(x, off), off, spread, slopes.steps.turns.weight)
-    deviation = cramer_rao(information)
-    told = (deviation < SURE) & (x > 0.005) & (x < 0.995)
-    start = Attempt(name, seed, x, x, loss=np.array([-score]), score=-score)
-    return _as_learned(kind, params, vision, clips, x, information, deviation, told, start)
+    given = ModelSetting.of_model(clips, params, vision, kind.numbers, discs=not blocks.deflected)
+    turns = max(float(slopes.steps.turns.weight.sum()), 1.0)
+    begin, shape = place(given.numbers, params), first_shape(list(given.numbers), information / turns, STEP)
+    start, stopped = Attempt(name, seed, begin, begin), False
+    try:
+        start = start if quick else refined(given, begin, name, seed, shape=shape, jobs=jobs, stop=stop, say=say)
+    except (KeyboardInterrupt, WorkStopped):
+        stopped = True
+    x = start.theta[: len(kind.numbers)]
+    information = _information(slopes, x)[0]
+    return _as_learned(kind, given, x, information, start, stopped)
 
 
 def _chance(params, wander):
     return {"wander": wander} if "wander" in type(params).model_fields else {}
 
 
-def _information(slopes, off, spread, weight):
-    """(d, d) Fisher information of the numbers."""
-    share = weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2) / spread**2
-    return normal_equations(slopes, share, off)[1]
+def _information(slopes: Slopes, x):
+    """(d, d) Fisher information of the numbers at positions x, and the spread of what they leave over, rad."""
+    off = slopes.off(x)
+    spread = slopes.score(off)[1]
+    share = slopes.steps.turns.weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2) / spread**2
+    return normal_equations(slopes.slopes(x, off), share, off)[1], spread
 
 
-def _as_learned(kind: Likelihood, params, vision, clips, x, information, deviation, told, start) -> Learned:
-    names = tuple(kind.numbers)
+def _as_learned(kind: Likelihood, given: ModelSetting, x, information, start, stopped) -> Learned:
+    names, deviation, params = tuple(kind.numbers), cramer_rao(information), given.params(start.theta)
+    told = (deviation < SURE) & (x > 0.005) & (x < 0.995)
     extras = _chance(params, getattr(params, "wander", 0.0))
     correlation, theta, spread = correlation_of(information), x, np.zeros(len(x))
     scales: np.ndarray | None = scales_of(kind.numbers, x)
@@ -106,11 +126,14 @@ def _as_learned(kind: Likelihood, params, vision, clips, x, information, deviati
         deviation, told, correlation = _spread_out(at, deviation, told, correlation)
         theta = np.clip(theta, LEAST, MOST)
         extras |= {"neighbour_range": params.neighbour_range}
-        start, scales = Attempt(start.name, start.seed, theta, theta, loss=start.loss, score=start.score), None
-    notes = [f"model {kind.name}: {vision.sight} sight, fitted to the next steps of the animals, without simulations"]
+        scales = None
+    start = replace(start, theta=theta, first_theta=theta)
+    how = "then refined by simulated herds" if len(start.loss) else "without simulations"
+    notes = [f"model {kind.name}: {given.view.sight} sight, fitted to the next steps of the animals, {how}"]
+    notes += ["learning was stopped: these are the best parameters so far"] if stopped else []
     return Learned(
-        params, speed_of(list(clips)), body_of(list(clips)), vision, theta, extras, [start], 0, spread, deviation,
-        told, {}, notes, False, correlation, kind.model, names, kind.name, scales,
+        params, given.speed, given.body, given.view, theta, extras, [start], 0, spread, deviation, told,
+        start.figures, notes, stopped, correlation, kind.model, names, kind.name, scales,
     )  # fmt: skip
 
 
@@ -138,29 +161,24 @@ def simulation_numbers(model: Behaviour) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _simulated_fit(clips, model: Behaviour, seed) -> Learned:
+def _simulated_fit(clips, model: Behaviour, seed, how) -> Learned:
     """By running herds and measuring how far they are from the clips."""
-    numbers, speed, body = simulation_numbers(model), speed_of(list(clips)), body_of(list(clips))
-    base, batteries = model.Params(), [Battery.of(clip) for clip in clips]
-
-    def distance(x, number):
-        parts = HerdParts(base.model_copy(update=read(numbers, x)), speed, body, SEES)
-        return float(np.mean([distance_of(battery, parts, [seed + number]) for battery in batteries]))
-
-    best = distance(place(numbers, base), 0), place(numbers, base)
-    cloud, losses = Evolution(best[1], STEP, SIZE, (seed, 62)), [best[0]]
-    for generation in range(GENERATIONS):
-        asked = cloud.ask()
-        worth = [distance(x, generation) for x in asked]
-        cloud.tell(worth)
-        best = min([best, *zip(worth, asked, strict=True)], key=lambda end: end[0])
-        losses.append(best[0])
-    x, d = best[1], len(numbers)
-    start = Attempt(model.name, seed, x, x, loss=np.array(losses), score=best[0])
+    numbers = simulation_numbers(model)
+    given = ModelSetting.of_model(clips, model.Params(), SEES, numbers)
+    begin = place(given.numbers, given.base)
+    start, stopped = Attempt(model.name, seed, begin, begin), False
+    try:
+        start = refined(given, begin, model.name, seed, step=WIDE_STEP, **how)
+    except (KeyboardInterrupt, WorkStopped):
+        stopped = True
+    params, x = given.params(start.theta), start.theta[: len(numbers)]
+    start = replace(start, theta=x, first_theta=x)
     notes = [f"model {model.name}: it has no likelihood; fitted by simulation, which identifies no single parameter"]
+    d = len(numbers)
     return Learned(
-        base.model_copy(update=read(numbers, x)), speed, body, SEES, x, {}, [start], 0, np.zeros(d), None,
-        np.zeros(d, bool), {}, notes, False, None, model.name, tuple(numbers), model.name, scales_of(numbers, x),
+        params, given.speed, given.body, SEES, x, _chance(params, getattr(params, "wander", 0.0)), [start], 0,
+        np.zeros(d), None, np.zeros(d, bool), start.figures, notes, stopped, None, model.name, tuple(numbers),
+        model.name, scales_of(numbers, x),
     )  # fmt: skip
 
 

@@ -90,28 +90,41 @@ class NextSteps:
             Radians over the observed time of each turn.
         """
         quiet = params.model_copy(update={"wander": 0.0}) if "wander" in type(params).model_fields else params
-        rows, angle, left = np.arange(self.k, dtype=np.int32), self.start.copy(), self.turns.ticks.copy()
+        rows = np.arange(self.k, dtype=np.int32)
         limit = getattr(params, "max_turn", np.inf) * self.turns.dt
         solid = self.turns.radius if model.flight is None else 0.0
+        return self._turned(lambda scene: model.steer(frozen(scene), rows, quiet).direction, limit, solid)
+
+    def by_contact(self) -> np.ndarray:
+        """The turns (k,), rad, of animals that go straight on except where they touch others."""
+        return self._turned(lambda scene: scene.forward[: self.k], np.inf, self.turns.radius)
+
+    def _turned(self, wish, limit, solid):
+        """(k,) rad by which animals turn to what they wish in each `Scene`, at most ``limit`` rad to a tick."""
+        angle, left = self.start.copy(), self.turns.ticks.copy()
         for scene in self.scenes:
             forward, velocity = scene.forward.copy(), scene.velocity.copy()
             forward[: self.k, 0], forward[: self.k, 1] = np.cos(angle), np.sin(angle)
             velocity[: self.k] = self.own_speed[:, None] * forward[: self.k]
-            wish = model.steer(frozen(scene._replace(forward=forward, velocity=velocity)), rows, quiet).direction
+            wished = wish(scene._replace(forward=forward, velocity=velocity))
             over_rows(
-                _turn_on, self.k, wish, Lists(scene.first, scene.near, scene.offset), forward, self.turns.half, solid,
-                limit, left, angle,
+                _turn_on, self.k, wished, Lists(scene.first, scene.near, scene.offset), forward, self.turns.half,
+                solid, limit, left, angle,
             )  # fmt: skip
         return angle - self.start
 
     def off(self, model: Behaviour, params) -> np.ndarray:
         """Observed minus predicted turns (k,), rad, in -π to π."""
-        off = self.turns.turn - self.predicted(model, params)
-        return off - 2 * np.pi * np.round(off / (2 * np.pi))
+        return wrapped(self.turns.turn - self.predicted(model, params))
 
     def loss(self, model: Behaviour, params) -> float:
         """Negative log likelihood per turn (nats), at the most likely spread of the residuals."""
         return -mean_score(self.off(model, params), self.turns.weight)[0]
+
+
+def wrapped(angle) -> np.ndarray:
+    """Angles from -π to π, rad."""
+    return angle - 2 * np.pi * np.round(angle / (2 * np.pi))
 
 
 def _no_chance(stream):

@@ -83,7 +83,6 @@ CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one rea
 WANDERING = 0.5, 1.2  # factors of the wander that gives the usual scatter: lasting herds need less, large turns more
 FINALISTS, QUICK_FINALISTS = 4, 3
 KEEPERS = 4  # candidates, re-run for 20 s to test stability
-KEEPING = 0.2  # of the choice
 AGREEING = 3  # starts, where no turns say how sure a number is
 
 
@@ -425,7 +424,7 @@ class _Search:
             result = stayed(found[at * each : (at + 1) * each])
             self.attempts[k].staying = result["score"]
             self.attempts[k].figures |= {f"staying, {name}": value for name, value in result["figures"].items()}
-        return sorted(final, key=lambda k: _merit(self.attempts[k]))
+        return sorted(final, key=lambda k: self.attempts[k].merit)
 
     # what comes of it
 
@@ -487,11 +486,6 @@ class _Search:
                 f"with fewer than {FEWEST} frames, none could be held out: the score is for the frames learned from"
             )
         return notes
-
-
-def _merit(attempt):
-    """What finalists are chosen by: less is better."""
-    return float(np.sqrt((1 - KEEPING) * attempt.score**2 + KEEPING * attempt.staying**2))
 
 
 def _seed(*numbers):

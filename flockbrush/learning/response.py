@@ -5,7 +5,8 @@ what the brush foretells where the neighbours were seen (`flockbrush.learning.tu
 by a change of the nine numbers of avoidance, cohesion and alignment as far as it can be, to first order.  Runs of the
 brush are looked at in the same way, with the noise of the clip's sightings, so that whatever the view adds is in both:
 only a change that the clip asks for and the runs do not is a difference (a posterior predictive check [1]_ by the
-score of the likelihood).  The other measure is how far turns scatter about what is foretold.
+score of the likelihood).  The other measure is how far turns scatter about what is foretold.  Of another model than the
+herd's the numbers are those of its likelihood (`flockbrush.learning.likelihood`).
 
 References
 ----------
@@ -26,6 +27,7 @@ from flockbrush.film.missing_animals import trust
 from flockbrush.film.observations import Evidence, Sightings
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, BatteryRow, same_animals, seen_run
 from flockbrush.learning.herd_views import told_apart
+from flockbrush.learning.likelihood import Slopes, likelihood_of, place
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import Run, theta_of
 from flockbrush.learning.turns import Turns, predicted, residuals, turns_of
@@ -36,14 +38,15 @@ SPAN = 0.12  # s over which a turn is observed where frames are closer
 LOOKS = 36  # frames of a clip that are looked at, or more
 MANY = 6000  # turns that are enough: of large herds fewer frames are looked at
 FEWEST = 100  # turns that are needed
+FARTHEST = 20.0  # BL: neighbours that turns are looked up for
 FAINTEST = 1e-3  # of the strongest direction in the numbers: weaker directions are not identifiable
 
 
 class Answer(NamedTuple):
     """How the animals of a clip or a run turn beside what a brush foretells."""
 
-    gram: np.ndarray  # (9, 9) rad², mean products of the derivatives of turns by the numbers
-    pull: np.ndarray  # (9,) rad², their mean products with what is left over
+    gram: np.ndarray  # (d, d) rad², mean products of the derivatives of turns by the numbers
+    pull: np.ndarray  # (d,) rad², their mean products with what is left over
     scatter: float  # rad
     forces: float  # rad, root mean square turn by neighbours
     turns: float  # effective number of turns, by their weights
@@ -64,9 +67,9 @@ def response(
     Returns
     -------
     list of BatteryRow
-        Empty where animals are not told apart, the brush is not of the model `herd`, or too few turns are seen.
+        Empty where animals are not told apart, the model has no likelihood, or too few turns are seen.
     """
-    if not told_apart(clip) or type(brush.params) is not Params or not runs:
+    if not told_apart(clip) or likelihood_of(brush.params) is None or not runs:
         return []
     mine = _answer(clip.sightings, brush, turns() if turns else turns_seen(clip, clip.sightings, brush))
     theirs = [_answer_of_run(run, clip, brush) for run in runs]
@@ -116,24 +119,39 @@ def turns_seen(clip: Evidence, seen: Sightings | None, brush) -> Turns | None:
     every = max(1, len(clip.fields) // LOOKS, -(-len(clip.sightings.xy) // MANY))
     frames = range(0, len(clip.fields) - ahead, every)
     same = replace(clip, sightings=_stepped(seen, clip.fps, ahead))
-    return turns_of(same, brush.body, brush.vision, brush.params, span=SPAN, frames=frames) if len(frames) else None
+    rules = brush.params
+    if type(rules) is not Params:  # nobody leads
+        rules = Params(neighbour_range=min(brush.vision.range, FARTHEST), leader_neighbours=-1)
+    return turns_of(same, brush.body, brush.vision, rules, span=SPAN, frames=frames) if len(frames) else None
 
 
 def _answer(seen, brush, turns):
     """The `Answer` of the turns; None if they are too few."""
     if turns is None or len(turns.rows) < FEWEST:
         return None
-    theta = theta_of(brush.params)
-    foretold = predicted(turns, theta, brush.params)
-    alone = np.array(theta)
-    alone[0:FORCES:3] = 0.0
-    by_forces = foretold[0] - predicted(turns, alone, brush.params, False)[0]
-    off, share, scatter = residuals(turns, foretold[0])
+    foretold, slopes, by_forces = _foretold(turns, brush.params)
+    off, share, scatter = residuals(turns, foretold)
     weight = share / share.sum()
-    pull, information = normal_equations(foretold[1][:, :FORCES], weight, off)
+    pull, information = normal_equations(slopes, weight, off)
     trusted = trust(seen.neighbours_seen)
     number = len(turns.rows) * trusted.mean() ** 2 / (trusted**2).mean()
     return Answer(information, pull, scatter, float(np.sqrt((weight * by_forces**2).sum())), number)
+
+
+def _foretold(turns, params):
+    """Turns (k,), rad, their derivatives by the numbers (k, d), and the part that is due to neighbours (k,), rad."""
+    if type(params) is Params:
+        theta = theta_of(params)
+        turn, slopes = predicted(turns, theta, params)
+        alone = np.array(theta)
+        alone[0:FORCES:3] = 0.0
+        return turn, slopes[:, :FORCES], turn - predicted(turns, alone, params, False)[0]
+    kind = likelihood_of(params)
+    assert kind is not None  # `response` asked
+    by_numbers, x = Slopes(turns, kind.behaviour, kind.numbers, params), place(kind.numbers, params)
+    off = by_numbers.off(x)
+    turn = turns.turn - off
+    return turn, by_numbers.slopes(x, off), turn - by_numbers.steps.by_contact()
 
 
 def _seen(run, clip):

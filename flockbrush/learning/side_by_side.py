@@ -9,6 +9,9 @@ import cv2
 import numpy as np
 
 from flockbrush.film.observations import Evidence
+from flockbrush.film.open_clip import pictures_of
+from flockbrush.learning.rollout import Run
+from flockbrush.learning.simulate import longest_way
 from flockbrush.render import LIGHT, DrawnHerd, Painter, ViewCamera
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_terrain import nice
@@ -190,6 +193,25 @@ def _proportioned(low, high):
     middle, size = (low + high) / 2, high - low
     size = np.maximum(size, [SQUAREST[0] * size[1], size[0] / SQUAREST[1]])
     return middle - size / 2, middle + size / 2
+
+
+def moments_beside(clip, frames: Evidence, run: Run, brush, count) -> list[np.ndarray]:
+    """Clip beside simulation at some moments, (h, w, 3) RGB."""
+    total, numbers = len(frames.fields), frames.fields.frames
+    chosen = np.unique(np.linspace(0, total - 1, count).round().astype(int))
+    pictures, scale = pictures_of(clip, frames, chosen)
+    stage = ComparisonGround(frames, brush, [longest_way(run)], scale)
+    made = []
+    for t in range(total):  # every frame, for the trails
+        rows = run.of(t)
+        seconds = float(run.times[t])
+        if t in pictures:
+            filmed = "photograph" if len(np.unique(numbers)) == 1 else f"clip, frame {numbers[t]}"
+            words = (filmed, f"{brush.name}, after {seconds:.1f} s")
+            made.append(stage.beside(pictures[t], t, run.xy[rows], run.forward[rows], seconds, words, run.ids[rows]))
+        else:
+            stage.herd(run.xy[rows], run.forward[rows], seconds, run.ids[rows])
+    return made
 
 
 def _after(second, first):

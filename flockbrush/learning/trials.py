@@ -51,6 +51,7 @@ STAY = 20.0  # s
 OTHER_NUMBERS = 0.25, 4.0  # factors of the number of animals
 LOST = 4.0  # deviations from what it was, from which on a herd is just another one
 TOO_MANY = 1000  # animals: larger herds are not tried
+RULES = "neighbour_range", "leader_neighbours", "leader_cone"  # parameters by which turns are chosen
 SIGHTS = 4.0, 8.0, 16.0  # BL
 UNKNOWN = 9.0  # stands for a correlation that is not known, in JSON
 
@@ -356,7 +357,7 @@ def _of_limits(given, clip, theta, extras, run):
 def _turns_seen(clip, brush):
     """A function that gives the turns seen in a clip; they hang on no other numbers of the brush than these."""
     params = brush.params
-    sight = "turns", params.neighbour_range, params.leader_neighbours, params.leader_cone
+    sight = "turns", brush.vision, *(getattr(params, name, None) for name in RULES)
     return lambda: _kept(sight, clip, lambda: turns_seen(clip, clip.sightings, brush))
 
 
@@ -381,10 +382,10 @@ def keep(given: Setting, theta, extras, seed, factor):
         herd = resized(start_of(clip, last, seed, given.body), factor, seed)
         if not 2 <= len(herd) <= TOO_MANY:
             continue
+        brush = given.brush(theta, extras)
         run = rollout(
-            herd, params_of(theta, extras), given.speed, given.body, given.vision(extras), seconds=STAY,
-            fps=LOOKS / STAY, seed=seed,
-        )  # fmt: skip
+            herd, brush.params, given.speed, given.body, brush.vision, seconds=STAY, fps=LOOKS / STAY, seed=seed
+        )
         parts = _not_ignored(given, order_off(run, clip, target))
         if parts:  # a photograph shows neither order nor turning
             strayed.append(_strayed(parts))

@@ -18,7 +18,7 @@ from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, SHORTEST, Battery, BatteryRow, Series, looks_of_run
 from flockbrush.learning.helpers import Common, Helpers
 from flockbrush.learning.initial_conditions import start_of
-from flockbrush.learning.likelihood import likelihoods, read
+from flockbrush.learning.likelihood import likelihood_of, read
 from flockbrush.learning.response import response
 from flockbrush.learning.rollout import NAMES, Run, rollout
 from flockbrush.learning.simulate import shaken, simulated
@@ -111,8 +111,8 @@ def random_numbers(brush, seed=1):
 
 def _anywhere(params, seed):
     """Parameters of another model, its numbers drawn at random where they are looked for."""
-    kinds = [kind for kind in likelihoods().values() if kind.behaviour.Params is type(params)]
-    numbers = kinds[0].numbers if kinds else {}
+    kind = likelihood_of(params)
+    numbers = kind.numbers if kind else {}
     return params.model_copy(update=read(numbers, np.random.default_rng(seed).uniform(0.0, 1.0, len(numbers))))
 
 

@@ -22,18 +22,19 @@ from flockbrush.film.observations import Evidence
 from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.initial_conditions import body_of
 from flockbrush.learning.likelihood import Likelihood, likelihoods
-from flockbrush.learning.next_step import NextSteps, log_density, mean_score
+from flockbrush.learning.next_step import NextSteps, log_density, mean_score, wrapped
 from flockbrush.learning.rollout import Gates
 from flockbrush.learning.turns import Turns, all_turns, seen_otherwise, turns_of
 
 HERD = "herd"
 SPAN = 0.15  # s over which a step is taken
-BLOCK, BLOCKS = 1.0, (4, 16)  # s, about; of each clip
+BLOCK, BLOCKS = 0.5, (4, 16)  # s, about; of each clip
 FEWEST_BLOCKS = 6  # in all that are needed to distinguish models
 TURNS = 2500  # that are looked at in all
 REFERENCE = VisionSpec(range=8.0), Params(neighbour_range=8.0)  # leaders by this perception follow no forces: left out
 ERRORS = 3.0  # standard errors between two models that are distinguished,
 LEAST = 0.01  # and so much of the logarithm of the likelihood of a step
+CONTENDS, GAIN, CONTENDERS = 2.0, 0.05, 2  # the same for models that are tried beside the herd, and how many at most
 NOISIEST = 0.2  # rad: turns with more noise are not used, as of animals that push each other
 CLEAR = 1.5  # times the noise of headings: smaller turns are not used
 
@@ -74,6 +75,7 @@ class ModelComparison:
     straight: float  # the score of going straight on
     blocks: int
     reason: str = ""  # why no models are distinguished; "" if some are
+    learned: str = HERD  # the kind that was learned
 
     @property
     def equal(self) -> list[str]:
@@ -81,9 +83,24 @@ class ModelComparison:
         return [row.name for row in self.rows if not row.told_apart]
 
     @property
-    def chosen(self) -> ModelRow:
-        """The best; the herd if it cannot be distinguished from the best."""
-        return next((row for row in self.rows if row.name == HERD and not row.told_apart), self.rows[0])
+    def contenders(self) -> list[str]:
+        """Kinds by which the turns are clearly likelier than by the herd; simulated herds decide between them."""
+        herd = next((row for row in self.rows if row.name == HERD), None)
+        if herd is None or (self.reason and self.blocks >= FEWEST_BLOCKS):
+            return []
+        others = [row for row in self.rows if row is not herd and not row.told_apart][:CONTENDERS]
+        gains = {row.name: _mean_and_error(row.blocks - herd.blocks) for row in others}
+        return [name for name, (gain, error) in gains.items() if gain > max(CONTENDS * error, GAIN)]
+
+    @property
+    def decision(self) -> str:
+        """A sentence on the kind that was learned."""
+        if not self.contenders:
+            return f"Learned: {self.learned}, since no other model makes the turns clearly likelier."
+        others = ", ".join(self.contenders)
+        if self.learned == HERD:
+            return f"Learned: herd. By {others} the turns are likelier, but its simulated herds are nearer to the clip."
+        return f"Learned: {self.learned}, by which the turns are likelier and simulated herds are as near to the clip."
 
     @property
     def sentence(self) -> str:
@@ -172,6 +189,9 @@ class TurnBlocks:
         kept = [k for k, turns in enumerate(reference) if turns is not None and len(turns.rows)]
         self.frames, self.fold = [self.frames[k] for k in kept], np.array([self.fold[k] for k in kept], int)
         self.reference: list[Turns] = [turns for turns in reference if turns is not None and len(turns.rows)]
+        self.deflected = not self.reference or _deflected(all_turns(self.reference))  # by animals that they touch
+        if not self.deflected:
+            self.reference = [turns._replace(radius=0.0) for turns in self.reference]
 
     def _turns(self, block) -> Turns | None:
         number, frames = block
@@ -195,6 +215,12 @@ class TurnBlocks:
     def noise(self) -> float:
         """Of a turn, rad, by that of the headings."""
         return math.sqrt(2.0) * max((clip.heading_noise for clip in self.clips), default=0.0)
+
+
+def _deflected(turns: Turns) -> bool:
+    """Whether animals turn along those they touch, rather than straight on."""
+    along = mean_score(wrapped(turns.turn - NextSteps(turns).by_contact()), turns.weight)[0]
+    return along >= mean_score(turns.turn, turns.weight)[0]
 
 
 def _row(kind: Likelihood, blocks: TurnBlocks, seed) -> ModelRow:
@@ -249,12 +275,12 @@ def _ranked(rows, blocks) -> ModelComparison:
 def _reason(rows, blocks, every, straight) -> str:
     """Why the models cannot be compared; "" if they can."""
     usual = float(np.sqrt(np.average(every.turn**2, weights=np.maximum(every.weight, 1e-12))))
-    if len(blocks.frames) < FEWEST_BLOCKS:
-        return f"it has {len(blocks.frames)} blocks of {BLOCK:g} s, but {FEWEST_BLOCKS} are needed"
     if blocks.noise > NOISIEST:
         return f"the headings of the animals are too noisy: turns are uncertain by {blocks.noise:.2g} rad"
     if usual < CLEAR * blocks.noise:
         return f"turns of {usual:.2g} rad in {SPAN:g} s are hardly larger than the noise of {blocks.noise:.2g} rad"
     if rows[0].score < straight + LEAST:
         return "no model predicts the next step better than straight motion does"
+    if len(blocks.frames) < FEWEST_BLOCKS:
+        return f"it has {len(blocks.frames)} blocks of {BLOCK:g} s, but {FEWEST_BLOCKS} are needed"
     return ""

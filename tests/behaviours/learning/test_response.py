@@ -1,6 +1,7 @@
 """Turns tell brushes apart that order and distances do not."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from flockbrush.behaviours.brush import shipped
 
 from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import evidence_of_truth
+from benchmarks.learning_models import evidence_of, tracks_of, truths
 from flockbrush.learning import response as module
 from flockbrush.learning.response import RESPONSE, SCATTER, response
 from flockbrush.learning.rollout import theta_of
@@ -74,7 +76,18 @@ def test_what_a_clip_asks_for_is_the_least_squares_change_of_the_numbers(clip):
     assert asked == pytest.approx(np.sqrt(weight @ wished**2), rel=1e-3)
 
 
-def test_nothing_is_said_of_other_models_and_of_fields_alone(clip):
+@pytest.mark.parametrize(("changes", "met"), [({}, True), ({"orientation": 0.2, "attraction": 0.3}, False)])
+def test_zones_are_told_by_the_numbers_of_their_likelihood(changes, met):
+    truth = truths()["zones"][1]
+    clip = evidence_of(tracks_of(truth, 40, 4.0))
+    brush = SimpleNamespace(
+        params=truth.params.model_copy(update=changes), speed=truth.speed, body=truth.body, vision=truth.vision
+    )
+    rows = rows_of(clip, brush)
+    assert rows[RESPONSE].met == met
+
+
+def test_nothing_is_said_of_models_without_a_likelihood_and_of_fields_alone(clip):
     fields = replace(clip, sightings=None)
     assert response(fields, TRUTH, [simulated(fields, TRUTH, seed) for seed in (1, 2)]) == []
-    assert response(clip, shipped().get("starlings"), [simulated(clip, TRUTH, seed) for seed in (1, 2)]) == []
+    assert response(clip, shipped().get("geese"), [simulated(clip, TRUTH, seed) for seed in (1, 2)]) == []

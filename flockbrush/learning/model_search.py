@@ -1,0 +1,157 @@
+"""The numbers of a model other than the herd's, refined by simulated herds.
+
+A fit to the next steps of animals has a bias: noise and smoothing of the tracks make animals appear to turn more slowly
+than they do, so that herds simulated with these numbers differ from the clip.  From there an evolution
+(`flockbrush.learning.evolution`) goes by the trials and scores of the herd's own recipe (`flockbrush.learning.trials`).
+It begins with changes that leave the next steps about as likely as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from flockbrush.behaviours.brush import VisionSpec
+from flockbrush.film.observations import Evidence
+from flockbrush.learning.evolution import Evolution
+from flockbrush.learning.helpers import Helpers
+from flockbrush.learning.initial_conditions import body_of
+from flockbrush.learning.learned_parameters import Attempt
+from flockbrush.learning.likelihood import read
+from flockbrush.learning.rollout import DT
+from flockbrush.learning.search_space import EXTRAS, STEP_OF_EXTRAS
+from flockbrush.learning.trials import OTHER_NUMBERS, SearchSettings, Setting, attempt, forget, keep, stayed
+from flockbrush.learning.workers import Workers
+
+SIZE = 8  # candidates of a generation
+GENERATIONS = 4, 12  # fewest and most
+WORK = 120_000.0  # animals times seconds of simulation that the generations may take, about
+LOOSE = 0.14  # of the scatter: what each number may change turns by in the first generation
+STEP, WIDE_STEP = 0.1, 0.2  # of ranges, from a fit and from defaults: standard deviation of the first generation
+SEEDS, LAST_SEEDS = 2, 3  # runs of a candidate, and of those that are chosen from
+LONG = 10.0  # s, about: a trial beyond the clip
+WANDER = {"wander": (0.02, 2.5)}  # rad/√s
+
+
+@dataclass(frozen=True)
+class ModelSetting(Setting):
+    """What trials of another model are given."""
+
+    view: VisionSpec = VisionSpec()  # noqa: RUF009  frozen
+    base: Any = None  # parameters of the model; those that are not searched for keep these values
+    numbers: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # searched for, and where
+
+    @classmethod
+    def of_model(cls, clips: Sequence[Evidence], base, view, numbers, discs=False) -> ModelSetting:
+        """Of these clips; bodies may be ``discs``, and a model that wanders is searched for its wander, too."""
+        numbers = dict(numbers) | (WANDER if "wander" in type(base).model_fields else {})
+        return cls(
+            **vars(Setting.of(clips, SearchSettings(body=body_of(list(clips), discs)))),
+            view=view,
+            base=base,
+            numbers=numbers,
+        )
+
+    def params(self, x):
+        """The parameters at positions (d,) from 0 to 1."""
+        return self.base.model_copy(update=read(self.numbers, x))
+
+    def brush(self, theta, extras):
+        """A brush with the numbers at these positions."""
+        return SimpleNamespace(params=self.params(theta), speed=self.speed, body=self.body, vision=self.view)
+
+    @property
+    def generations(self) -> int:
+        """As many as the work allows."""
+        one = sum(float(np.nanmax(c.fields.count, initial=1.0)) * (len(c.fields) / c.fps + LONG) for c in self.clips)
+        return int(np.clip(WORK / (SIZE * SEEDS * max(one, 1.0)), *GENERATIONS))
+
+
+def first_shape(numbers, information, step) -> np.ndarray:
+    """Covariance of a first generation, in squares of the step, that leaves the next steps about as likely.
+
+    Parameters
+    ----------
+    numbers : sequence of str
+        Those searched for.
+    information : (k, k) ndarray
+        Fisher information in one turn of the first k of them.
+    step : float
+        Standard deviation where turns say nothing.
+    """
+    told = np.zeros((len(numbers), len(numbers)))
+    told[: len(information), : len(information)] = information / LOOSE**2
+    free = [k for k, name in enumerate(numbers) if name in EXTRAS]  # what noise hides is not held by the turns
+    told[free], told[:, free] = 0.0, 0.0
+    most = np.where(np.isin(np.arange(len(numbers)), free), STEP_OF_EXTRAS, step)
+    return np.linalg.inv(told + np.diag(most**-2.0)) / step**2
+
+
+def refined(
+    given: ModelSetting, begin, name: str, seed: int = 0, *, step=STEP, shape=None, jobs: int | Helpers = 1,
+    stop: Callable[[], bool] | None = None, say: Callable[[int, int, float, str], None] | None = None,
+) -> Attempt:  # fmt: skip
+    """The best of where the search begins and what an evolution makes of it, with its score and its staying.
+
+    Parameters
+    ----------
+    begin : (d,) array_like
+        Positions from 0 to 1 in the ranges of ``given.numbers``.
+    name : str
+        Of the attempt.
+    shape : (d, d) ndarray, optional
+        See `first_shape`.
+    jobs, stop, say
+        As for `flockbrush.learning.recipe.learn`.
+
+    Raises
+    ------
+    WorkStopped
+        When ``stop`` says so.
+    """
+    begin, worth = np.asarray(begin, float), []
+    forget()
+    with Workers(given, jobs, stop=stop) as workers:
+        cloud, best = Evolution(begin, step, SIZE, (seed, 62), shape), None
+        for g in range(given.generations):
+            asked = cloud.ask()
+            seeds = [seed + 1000 + SEEDS * g + k for k in range(SEEDS)]
+            scores = [one["score"] for one in workers.map(attempt, [_task(x, seeds, SEEDS * g) for x in asked])]
+            cloud.tell(scores)
+            worth.append(min(scores))
+            if best is None or worth[-1] < best[0]:
+                best = worth[-1], asked[int(np.argmin(scores))]
+            if say is not None:
+                say(g + 1, given.generations + 1, min(worth), "evolution")
+        ends = [begin, *([] if best is None else [np.clip(cloud.mean, 0.0, 1.0), best[1]])]
+        made = _judged(workers, ends, seed)
+    chosen = min(made, key=lambda one: one.merit)
+    chosen.name, chosen.seed, chosen.first_theta, chosen.loss = name, seed, begin, np.array(worth)
+    return chosen
+
+
+def _place(x):
+    return {"theta": np.round(x, 12).tolist(), "extras": {}}
+
+
+def _task(x, seeds, begin=0, **more):
+    return {**_place(x), "seeds": seeds, "held": False, "begin": begin} | more
+
+
+def _judged(workers, ends, seed) -> list[Attempt]:
+    """Attempts with their scores on frames shown and held back, and with how far their herds stray in the long run."""
+    seeds, factors = [seed + 2000 + k for k in range(LAST_SEEDS)], (1.0, *OTHER_NUMBERS)
+    tried = workers.map(attempt, [_task(x, seeds, held=held, dt=DT) for x in ends for held in (False, True)])
+    long = [{**_place(x), "seed": seed + 3000, "factor": factor} for x in ends for factor in factors]
+    kept = workers.map(keep, long)
+    made = []
+    for k, x in enumerate(ends):
+        shown, held = tried[2 * k : 2 * k + 2]
+        staying = stayed(kept[len(factors) * k : len(factors) * (k + 1)])["score"]
+        score = float(np.sqrt(0.5 * (shown["score"] ** 2 + held["score"] ** 2)))
+        made.append(Attempt("", seed, x, x, score=score, figures=held["figures"], staying=staying))
+    return made
