@@ -109,7 +109,7 @@ def evidence_of_clip(name, options, folder):
 def halves_of(name, options):
     """Return the figures of one clip."""
     from flockbrush.film.observations import halves
-    from flockbrush.learning.model_choice import AUTO, comparison_of, nearest
+    from flockbrush.learning.model_choice import AUTO, comparison_of, hopeless, nearest
     from flockbrush.learning.model_fit import learned_model
     from flockbrush.learning.recipe import SearchSettings, learn
     from flockbrush.learning.which_model import problem_of
@@ -122,7 +122,8 @@ def halves_of(name, options):
     found = learn(first, SearchSettings(budget_s=options.budget), jobs=options.jobs)
     if options.model == AUTO and not problem_of([first]):
         contenders = comparison_of([first], 0).contenders
-        found = nearest([found, *(learned_model([first], kind, jobs=options.jobs) for kind in contenders)])
+        how = {"jobs": options.jobs, "hopeless": hopeless(found)}
+        found = nearest([found, *(learned_model([first], kind, **how) for kind in contenders)])
     learned = time.perf_counter()
     given = found.speed, found.body
     mine = judged(second, found.params, *given, found.vision)

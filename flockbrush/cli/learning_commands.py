@@ -109,9 +109,9 @@ class FitOptions(WrittenOptions):
         str,
         typer.Option(
             metavar="NAME",
-            help="Model to fit: herd, zones, topological, boids or another ground model; auto compares them.",
+            help="Model to learn: herd, zones, topological, boids or another ground model; auto: found by the clip.",
         ),
-    ] = "herd"
+    ] = "auto"
     ablate: Annotated[
         str | None,
         typer.Option(

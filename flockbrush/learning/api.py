@@ -40,8 +40,8 @@ class LearnedBrush:
     notes : list of str
         What to know of the data and of the fit.
     models : ModelComparison or None
-        With ``model="auto"`` what was compared: ``rows`` (name, perception, score, error, behind, told_apart,
-        distance), ``chosen``, ``equal`` and ``sentence``.
+        With ``model="auto"``, if models could be compared: ``rows`` (name, perception, score, error, behind,
+        told_apart, distance), ``equal``, ``sentence``, ``contenders``, ``learned`` and ``decision``.
     findings : Findings
         Everything else that the report shows.
     """
@@ -112,10 +112,10 @@ def learn(
             Of the data, kept in the brush.
         beside : bool, optional
             Judge it beside the shipped brushes, too; by default, where it is not quick.
-        model : str, "herd"
-            "herd", "zones", "topological", "boids" or the name of another model on the ground; "auto" fits those with
-            a likelihood, compares them on blocks held out (``result.models``) and learns the best, the herd where it
-            is not told from it.
+        model : str, "auto"
+            "herd", "zones", "topological", "boids" or the name of another model on the ground; "auto" compares those
+            with a likelihood (``result.models``) and learns the herd, or another by which the turns are clearly
+            likelier and whose simulated herds are nearer to the tracks.
 
     Raises
     ------

@@ -27,7 +27,7 @@ from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of, name_of
 from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.learned_program import program_of
-from flockbrush.learning.model_choice import AUTO, check_kind, comparison_of, kind_of, nearest
+from flockbrush.learning.model_choice import AUTO, check_kind, comparison_of, hopeless, kind_of, nearest
 from flockbrush.learning.model_fit import learned_model
 from flockbrush.learning.other_starts import with_other_starts
 from flockbrush.learning.photo import SPEED, standing
@@ -95,6 +95,7 @@ class BrushTask:
     region: Region | None = None
     notes: list[str] = field(default_factory=list)
     kind: str = HERD  # of model
+    hopeless: float = np.inf  # score beyond which a search of another kind ends soon
     program: Path | None = None  # of its states, if animals stand and walk by turns
 
     def state(self, number=0) -> Path:
@@ -150,7 +151,7 @@ def _checked(wishes) -> list[Region]:
     if wishes.quick and wishes.thorough:
         raise refused("--thorough", "it searches longer and --quick shorter; use one of them")
     if wishes.thorough and wishes.model not in (HERD, AUTO):
-        raise refused("--thorough", f"the model {wishes.model} is fitted without a search; only herd has one")
+        raise refused("--thorough", f"it is for the search of the herd model, and the model is {wishes.model}")
     if wishes.workers and wishes.model not in (HERD, AUTO):
         raise refused("--cluster", f"the model {wishes.model} is fitted locally; only the herd model can use a cluster")
     regions = regions_of(looking.regions) if looking.regions else []
@@ -311,12 +312,13 @@ def _only_herd(wishes, photo) -> str:
 
 def _nearest_kind(learned, models: ModelComparison, fold, herd: BrushTask, wishes, interrupts, of) -> Learned:
     """What was learned as the herd, or as a kind of model that contends with it, whichever is nearer to the clip."""
-    tried = [learned]
+    tried, herd.hopeless = [learned], hopeless(learned)
     for herd.kind in models.contenders:
         tried.append(_learned(fold.clips, herd, wishes, interrupts, False, of=of))
     learned = nearest(tried)
-    herd.kind = models.learned = learned.kind
-    herd.notes += [models.sentence, models.decision]
+    herd.kind, herd.hopeless = learned.kind, np.inf
+    models.learned = learned.kind
+    herd.notes += [] if interrupts.asked else [models.sentence, models.decision]
     return learned
 
 
@@ -417,7 +419,7 @@ def _learned(
         starts = min(wishes.starts, QUICK_STARTS) if wishes.quick else wishes.starts
         how = {"jobs": wishes.helpers, "say": told, "stop": lambda: interrupts.asked > 0}
         if herd.kind != HERD:
-            return learned_model(clips, herd.kind, wishes.seed, quick=wishes.quick, **how)
+            return learned_model(clips, herd.kind, wishes.seed, quick=wishes.quick, hopeless=herd.hopeless, **how)
         settings = SearchSettings(
             wishes.seed, starts, use, wishes.beta, budget, begins=begins, device=wishes.device, quick=wishes.quick,
         )  # fmt: skip

@@ -5,13 +5,15 @@ from __future__ import annotations
 from flockbrush.learning.comparison import JUDGED
 from flockbrush.learning.model_choice import table_of
 from flockbrush.learning.result import Findings
-from flockbrush.runs.terminal import measure, number, show, table
+from flockbrush.runs.terminal import measure, number, say, show, table
 
 
 def show_findings(findings: Findings):
     """The chief figures as tables."""
     if findings.models is not None:
-        show(table_of(findings.models))
+        if findings.models.contenders:
+            show(table_of(findings.models))
+        say(findings.models.decision)
     if findings.comparison is not None:
         show(_against_film(findings) if findings.motion else _against_photograph(findings))
     for title, rows in (

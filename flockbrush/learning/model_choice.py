@@ -14,7 +14,7 @@ from flockbrush.learning.which_model import HERD, ModelComparison, compare_model
 from flockbrush.runs.terminal import measure, table
 
 AUTO = "auto"
-AS_NEAR = 1.2  # times the distance of the herd: another kind is learned below it
+HOPELESS = 1.3  # times the score of the herd: a kind that does not come below it soon is given up
 COLUMNS = "model", "perception", "log score", "±", "behind", "± ", "distinct", "battery"
 
 
@@ -57,13 +57,13 @@ def comparison_of(clips: Sequence[Evidence], seed: int) -> ModelComparison:
 
 
 def nearest(tried: Sequence[Learned]) -> Learned:
-    """The one of several kinds whose simulated herds are nearest to the clip, the herd being the first.
+    """The one of several kinds whose simulated herds are nearest to the clip; the first, if none is known."""
+    return min(tried, key=_merit)
 
-    The turns are likelier by the others, which therefore need to be only about as near.
-    """
-    herd, *others = tried
-    best = min(others, key=_merit, default=herd)
-    return best if best is not herd and _merit(best) < AS_NEAR * _merit(herd) else herd
+
+def hopeless(learned: Learned) -> float:
+    """The score beyond which another kind of model is not expected to become as near as what was learned."""
+    return HOPELESS * learned.starts[learned.chosen].score
 
 
 def _merit(learned):

@@ -66,6 +66,7 @@ def wander_of(spread: float, blocks: TurnBlocks) -> float:
 def learned_model(
     clips: Sequence[Evidence], name: str, seed: int = 0, *, quick: bool = False, jobs: int | Helpers = 1,
     stop: Callable[[], bool] | None = None, say: Callable[[int, int, float, str], None] | None = None,
+    hopeless: float = math.inf,
 ) -> Learned:  # fmt: skip
     """The numbers of one kind of model, by these frames alone.
 
@@ -75,6 +76,8 @@ def learned_model(
         Without refinement by simulated herds.
     jobs, stop, say
         As for `flockbrush.learning.recipe.learn`; a search that is stopped leaves the fit to next steps.
+    hopeless : float
+        As for `refined`.
 
     Raises
     ------
@@ -94,7 +97,8 @@ def learned_model(
     begin, shape = place(given.numbers, params), first_shape(list(given.numbers), information / turns, STEP)
     start, stopped = Attempt(name, seed, begin, begin), False
     try:
-        start = start if quick else refined(given, begin, name, seed, shape=shape, jobs=jobs, stop=stop, say=say)
+        if not quick:
+            start = refined(given, begin, name, seed, shape=shape, jobs=jobs, stop=stop, say=say, hopeless=hopeless)
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
     x = start.theta[: len(kind.numbers)]

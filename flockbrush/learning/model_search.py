@@ -8,6 +8,7 @@ It begins with changes that leave the next steps about as likely as they are.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -32,6 +33,7 @@ GENERATIONS = 4, 12  # fewest and most
 WORK = 120_000.0  # animals times seconds of simulation that the generations may take, about
 LOOSE = 0.14  # of the scatter: what each number may change turns by in the first generation
 STEP, WIDE_STEP = 0.1, 0.2  # of ranges, from a fit and from defaults: standard deviation of the first generation
+PATIENCE = 3  # generations, after which a hopeless search ends
 SEEDS, LAST_SEEDS = 2, 3  # runs of a candidate, and of those that are chosen from
 LONG = 10.0  # s, about: a trial beyond the clip
 WANDER = {"wander": (0.02, 2.5)}  # rad/√s
@@ -94,6 +96,7 @@ def first_shape(numbers, information, step) -> np.ndarray:
 def refined(
     given: ModelSetting, begin, name: str, seed: int = 0, *, step=STEP, shape=None, jobs: int | Helpers = 1,
     stop: Callable[[], bool] | None = None, say: Callable[[int, int, float, str], None] | None = None,
+    hopeless: float = math.inf,
 ) -> Attempt:  # fmt: skip
     """The best of where the search begins and what an evolution makes of it, with its score and its staying.
 
@@ -107,6 +110,8 @@ def refined(
         See `first_shape`.
     jobs, stop, say
         As for `flockbrush.learning.recipe.learn`.
+    hopeless : float
+        If no candidate of the first generations has a smaller score, the beginning is returned, without a score.
 
     Raises
     ------
@@ -127,6 +132,8 @@ def refined(
                 best = worth[-1], asked[int(np.argmin(scores))]
             if say is not None:
                 say(g + 1, given.generations + 1, min(worth), "evolution")
+            if g + 1 == PATIENCE and min(worth) > hopeless:
+                return Attempt(name, seed, begin, begin)
         ends = [begin, *([] if best is None else [np.clip(cloud.mean, 0.0, 1.0), best[1]])]
         made = _judged(workers, ends, seed)
     chosen = min(made, key=lambda one: one.merit)

@@ -30,10 +30,9 @@ from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.likelihood import Slopes, likelihood_of, place
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import Run, theta_of
-from flockbrush.learning.turns import Turns, predicted, residuals, turns_of
+from flockbrush.learning.turns import FORCES, Turns, predicted, residuals, turns_of
 
 RESPONSE, SCATTER = "response to neighbours", "scatter of turns"
-FORCES = 9  # of the numbers of theta: without those of obstacles
 SPAN = 0.12  # s over which a turn is observed where frames are closer
 LOOKS = 36  # frames of a clip that are looked at, or more
 MANY = 6000  # turns that are enough: of large herds fewer frames are looked at

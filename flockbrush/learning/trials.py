@@ -13,7 +13,6 @@ from types import SimpleNamespace
 import numpy as np
 
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
-from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import SHORTEST, Battery
 from flockbrush.learning.confounding import correlation_of
@@ -21,7 +20,7 @@ from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import body_of, resized, speed_of, start_of
 from flockbrush.learning.interaction import interaction_of
 from flockbrush.learning.response import SPAN, response, scatters, turns_seen
-from flockbrush.learning.rollout import DT, Surroundings, params_of, rollout, theta_of
+from flockbrush.learning.rollout import DT, Surroundings, params_of, rollout
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
@@ -161,15 +160,14 @@ def _free(given):
 
 def _descend_on_turns(given, theta, extras, rows, span):
     """As `descend`; None if no turns are known, as in a region so narrow that all animals may see beyond it."""
-    from flockbrush.learning.turns import fit_turns, thinned
+    from flockbrush.learning.turns import fit_turns, theta_seen, thinned
 
     turns, params, free = _turns(given, extras, span), params_of(theta, extras), _free(given)
     if turns is None or not len(turns.ticks):
         return None
     fit = fit_turns(thinned(turns, rows), theta, params, free=free, tolerance=1e-5)
-    unsaid = free & ~np.isfinite(fit.deviation)  # defaults where no obstacle is seen
     return {
-        "theta": np.where(unsaid, theta_of(Params()), fit.theta).tolist(), "extras": extras, "loss": fit.loss.tolist(),
+        "theta": theta_seen(fit, free).tolist(), "extras": extras, "loss": fit.loss.tolist(),
         "deviation": np.minimum(fit.deviation, 1e6).tolist(),
         "correlation": np.nan_to_num(correlation_of(fit.information), nan=UNKNOWN).tolist(),
     }  # fmt: skip

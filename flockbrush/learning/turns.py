@@ -30,6 +30,7 @@ from flockbrush.learning.rollout import BODY, DT, LEAST, MOST, VISION, Walls, th
 from flockbrush.learning.turn_kernels import TurnLaw, is_inside, room_kernel, spin_kernel, turn_kernel
 
 FREEDOM = 4.0  # degrees of freedom of Student's t: the usual choice between robust and sharp
+FORCES = 9  # of the twelve numbers: without those of obstacles
 SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
 SPAN = 0.1  # s over which a turn is observed where frames are closer.  By trial: see docs/learning.md
 STILL = 1e-6  # rad
@@ -301,9 +302,17 @@ def best_fit(
         if last[-1].interrupted:
             break
     best = min(last, key=lambda fit: fit.loss[-1])
-    unsaid = ~np.isfinite(best.deviation) & (np.ones(12, bool) if free is None else np.asarray(free, bool))
-    theta = np.where(unsaid, theta_of(Params()), best.theta)  # defaults where no wall is seen
-    return replace(best, theta=theta, interrupted=any(fit.interrupted for fit in last))
+    return replace(best, theta=theta_seen(best, free), interrupted=any(fit.interrupted for fit in last))
+
+
+def theta_seen(fit: TurnFit, free=None) -> np.ndarray:
+    """The numbers of a fit (12,), with defaults for those of obstacles that no turn tells.
+
+    Of a force between animals that has vanished, turns tell nothing either, but that it has vanished.
+    """
+    unsaid = ~np.isfinite(fit.deviation) & (np.ones(12, bool) if free is None else np.asarray(free, bool))
+    unsaid[:FORCES] = False
+    return np.where(unsaid, theta_of(Params()), fit.theta)
 
 
 def thinned(turns: Turns, rows) -> Turns:

@@ -88,7 +88,8 @@ class ModelComparison:
         herd = next((row for row in self.rows if row.name == HERD), None)
         if herd is None or (self.reason and self.blocks >= FEWEST_BLOCKS):
             return []
-        others = [row for row in self.rows if row is not herd and not row.told_apart][:CONTENDERS]
+        best = [row for row in self.rows if row.behind <= max(ERRORS * row.behind_error, LEAST)]
+        others = [row for row in best if row is not herd][:CONTENDERS]
         gains = {row.name: _mean_and_error(row.blocks - herd.blocks) for row in others}
         return [name for name, (gain, error) in gains.items() if gain > max(CONTENDS * error, GAIN)]
 
@@ -100,7 +101,7 @@ class ModelComparison:
         others = ", ".join(self.contenders)
         if self.learned == HERD:
             return f"Learned: herd. By {others} the turns are likelier, but its simulated herds are nearer to the clip."
-        return f"Learned: {self.learned}, by which the turns are likelier and simulated herds are as near to the clip."
+        return f"Learned: {self.learned}, by which the turns are likelier and simulated herds are nearer to the clip."
 
     @property
     def sentence(self) -> str:

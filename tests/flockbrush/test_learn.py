@@ -239,7 +239,7 @@ def test_a_thorough_search_takes_four_times_the_work_and_is_of_the_herd_model(cl
     usual = list(budgets)
     assert cli("learn", clip, "--out", out, "--thorough").code == 0
     assert usual and budgets == [*usual, *(4 * budget for budget in usual)]
-    for other, words in ((["--quick"], "use one of them"), (["--model", "zones"], "only herd has one")):
+    for other, words in ((["--quick"], "use one of them"), (["--model", "zones"], "search of the herd model")):
         done = cli("learn", clip, "--out", out, "--thorough", *other)
         assert done.code == 1 and "--thorough" in done.err and words in done.err
 

@@ -11,9 +11,10 @@ from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.perceive import perceive
-from flockbrush.learning.rollout import Walls, theta_of
+from flockbrush.learning.rollout import LEAST, Walls, theta_of
 from flockbrush.learning.turn_kernels import _limited
 from flockbrush.learning.turns import (
+    TurnFit,
     Turns,
     _at_liberty,
     all_turns,
@@ -21,6 +22,7 @@ from flockbrush.learning.turns import (
     cramer_rao,
     fit_turns,
     predicted,
+    theta_seen,
     thinned,
     turns_of,
 )
@@ -118,6 +120,17 @@ def test_turns_that_are_seen_tell_the_parameters(name):
     assert known.sum() >= 6
     assert np.abs(fit.theta - truth)[known].mean() < 0.1
     assert (fit.theta[9:] == theta_of(Params())[9:]).all()  # no wall was seen: what is usual
+
+
+def test_a_force_that_vanished_stays_so():
+    """Turns tell nothing of a force that reaches nobody; those of obstacles get defaults where none is seen."""
+    theta, usual = np.full(12, 0.3), theta_of(Params())
+    theta[1] = LEAST
+    told = np.ones(12)
+    told[[0, 1, 2, 9, 10, 11]] = 0.0
+    fit = TurnFit(theta, np.zeros(1), 0.1, np.diag(told))
+    assert (theta_seen(fit) == np.concatenate([theta[:9], usual[9:]])).all()
+    assert (theta_seen(fit, free=np.arange(12) < 9) == theta).all()
 
 
 def march(**more):
