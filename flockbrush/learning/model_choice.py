@@ -52,7 +52,8 @@ def kind_of(name: str, clips: Sequence[Evidence], only_herd: str = "") -> str:
 def comparison_of(clips: Sequence[Evidence], seed: int) -> ModelComparison:
     """All kinds of models that have a likelihood, compared on these clips."""
     found = compare_models(clips, seed=seed)
-    add_distances(found.rows, clips, seed)
+    if found.rows:
+        add_distances(found.rows, clips, seed)
     return found
 
 
@@ -92,7 +93,7 @@ def table_of(found: ModelComparison):
 
 def as_json(found: ModelComparison | None) -> dict | None:
     """What --json prints of the comparison."""
-    if found is None:
+    if found is None or not found.rows:
         return None
     rows = [
         {
@@ -111,7 +112,7 @@ def as_json(found: ModelComparison | None) -> dict | None:
 
 def add_models(page, found: ModelComparison | None) -> None:
     """The section of a report."""
-    if found is None:
+    if found is None or not found.rows:
         return
     page.head("Comparison of models")
     page.say(f"{found.sentence} {found.decision}")

@@ -11,8 +11,9 @@ import numpy as np
 
 from flockbrush.behaviours.behaviour import Behaviour, behaviours
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
+from flockbrush.engine.files import refused
 from flockbrush.film.observations import Evidence
-from flockbrush.learning.battery import Battery
+from flockbrush.learning.battery import SHORTEST, Battery
 from flockbrush.learning.confounding import correlation_of
 from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.initial_conditions import body_of, speed_of
@@ -83,10 +84,14 @@ def learned_model(
     ------
     LookupError
         When there is no such kind.
+    ProblemsError
+        When no turns are visible.
     """
     if name not in likelihoods():
         return _simulated_fit(clips, behaviours()[name], seed, {"jobs": jobs, "stop": stop, "say": say})
     kind, blocks = likelihoods()[name], TurnBlocks(clips)
+    if not blocks.reference:
+        raise refused(clips[0].name, f"no turns of animals are visible: leave out --model {name}")
     vision, params = likeliest(kind, blocks, seed)
     slopes = Slopes(blocks.train(vision), kind.behaviour, kind.numbers, params)
     x = place(kind.numbers, params)
@@ -194,14 +199,17 @@ def distance_of(battery: Battery, parts, seeds) -> float:
 
 
 def add_distances(rows: list[ModelRow], clips: Sequence[Evidence], seed: int = 0) -> None:
-    """Fill in how far the herds of each model are from frames that it was fitted without."""
+    """Fill in how far the herds of each model are from frames that it was fitted without, if these are not too few."""
     clips = list(clips)
     half = len(clips[0].fields) // 2
     seen, held = (
         (clips[:1], clips[1]) if len(clips) > 1
         else ([clips[0].part(slice(None, half))], clips[0].part(slice(half, None)))
     )  # fmt: skip
-    battery, speed, body, blocks = Battery.of(held), speed_of(seen), body_of(seen), TurnBlocks(seen)
+    blocks = TurnBlocks(seen)
+    if len(held.fields) < SHORTEST * held.fps or not blocks.reference:
+        return
+    battery, speed, body = Battery.of(held), speed_of(seen), body_of(seen)
     for row in rows:
         params = row.halves[-1]
         params = params.model_copy(update=_chance(params, wander_of(row.spread, blocks)))

@@ -161,6 +161,8 @@ def compare_models(
     known = likelihoods()
     kinds = [known[name] for name in (names or known)]
     blocks = TurnBlocks(clips)
+    if not blocks.reference:
+        return ModelComparison([], math.nan, 0, "no turns of animals are visible")
     rows = []
     for done, kind in enumerate(kinds):
         if say is not None:
