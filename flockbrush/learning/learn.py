@@ -255,7 +255,8 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
     began = time.perf_counter()
     photo, folds = _is_photo(herd.seen[0].whole), folds_of(herd.seen)
     interrupts.gently()
-    kind = kind_of(wishes.model, [seen.whole for seen in herd.seen], _only_herd(wishes, photo))
+    wished = HERD if wishes.model == AUTO and (wishes.quick or wishes.ablate) else wishes.model
+    kind = kind_of(wished, [seen.whole for seen in herd.seen], photo)
     later = wishes.helpers.later(comparison_of, folds[0].clips, wishes.seed) if kind == AUTO else None
     herd.kind, models, judged = HERD if kind == AUTO else kind, None, []
     for k, fold in enumerate(folds):
@@ -300,14 +301,6 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         make_folder(folder)
         write_report(found, folder, wishes.helpers)
     return found
-
-
-def _only_herd(wishes, photo) -> str:
-    """Why no other kind of model can be learned; "" if others can."""
-    if photo:
-        return "it is one picture, and models are compared by the turns of animals"
-    only = wishes.model == AUTO and (wishes.quick or wishes.ablate)
-    return "--quick and --ablate are for the herd model" if only else ""
 
 
 def _nearest_kind(learned, models: ModelComparison, fold, herd: BrushTask, wishes, interrupts, of) -> Learned:

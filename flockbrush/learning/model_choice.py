@@ -26,15 +26,15 @@ def check_kind(name: str) -> None:
         raise ProblemsError([Problem("--model", None, None, message)])
 
 
-def kind_of(name: str, clips: Sequence[Evidence], only_herd: str = "") -> str:
+def kind_of(name: str, clips: Sequence[Evidence], photo: bool = False) -> str:
     """The kind of model to learn from these clips; `AUTO` if `comparison_of` them tells which.
 
     Parameters
     ----------
     name : str
         As ``--model`` names it; auto is the herd where others cannot be learned.
-    only_herd : str
-        Why others cannot be learned, whatever the clips show; "" if they can.
+    photo : bool
+        Whether the clip is one picture.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def kind_of(name: str, clips: Sequence[Evidence], only_herd: str = "") -> str:
     """
     if name == HERD:
         return HERD
-    problem = only_herd or problem_of(clips)
+    problem = "it is one picture, and models are compared by the turns of animals" if photo else problem_of(clips)
     if problem and name != AUTO:
         raise refused(clips[0].name, f"{problem}: leave out --model {name}")
     return HERD if problem else name
@@ -104,9 +104,8 @@ def as_json(found: ModelComparison | None) -> dict | None:
         for row in found.rows
     ]  # fmt: skip
     return {
-        "chosen": found.learned, "contenders": found.contenders, "equal": found.equal,
-        "sentence": found.sentence, "blocks": found.blocks,
-        "straight_on": found.straight, "rows": rows,
+        "chosen": found.learned, "contenders": found.contenders, "equal": found.equal, "sentence": found.sentence,
+        "decision": found.decision, "blocks": found.blocks, "straight_on": found.straight, "rows": rows,
     }  # fmt: skip
 
 

@@ -51,12 +51,8 @@ class ModelSetting(Setting):
     def of_model(cls, clips: Sequence[Evidence], base, view, numbers, discs=False) -> ModelSetting:
         """Of these clips; bodies may be ``discs``, and a model that wanders is searched for its wander, too."""
         numbers = dict(numbers) | (WANDER if "wander" in type(base).model_fields else {})
-        return cls(
-            **vars(Setting.of(clips, SearchSettings(body=body_of(list(clips), discs)))),
-            view=view,
-            base=base,
-            numbers=numbers,
-        )
+        given = Setting.of(clips, SearchSettings(body=body_of(list(clips), discs)))
+        return cls(**vars(given), view=view, base=base, numbers=numbers)
 
     def params(self, x):
         """The parameters at positions (d,) from 0 to 1."""

@@ -10,7 +10,7 @@ since turns in one block are not independent.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,7 +29,7 @@ from flockbrush.learning.turns import Turns, all_turns, seen_otherwise, turns_of
 HERD = "herd"
 SPAN = 0.15  # s over which a step is taken
 BLOCK, BLOCKS = 0.5, (4, 16)  # s, about; of each clip
-FEWEST_BLOCKS = 6  # in all that are needed to distinguish models
+FEWEST_BLOCKS = 5  # in all that are needed to distinguish models
 TURNS = 2500  # that are looked at in all
 REFERENCE = VisionSpec(range=8.0), Params(neighbour_range=8.0)  # leaders by this perception follow no forces: left out
 ERRORS = 3.0  # standard errors between two models that are distinguished,
@@ -86,7 +86,7 @@ class ModelComparison:
     def contenders(self) -> list[str]:
         """Kinds by which the turns are clearly likelier than by the herd; simulated herds decide between them."""
         herd = next((row for row in self.rows if row.name == HERD), None)
-        if herd is None or (self.reason and self.blocks >= FEWEST_BLOCKS):
+        if herd is None or self.reason not in ("", _too_few(self.blocks)):
             return []
         best = [row for row in self.rows if row.behind <= max(ERRORS * row.behind_error, LEAST)]
         others = [row for row in best if row is not herd][:CONTENDERS]
@@ -100,7 +100,7 @@ class ModelComparison:
             return f"Learned: {self.learned}, since no other model makes the turns clearly likelier."
         others = ", ".join(self.contenders)
         if self.learned == HERD:
-            return f"Learned: herd. By {others} the turns are likelier, but its simulated herds are nearer to the clip."
+            return f"Learned: herd. By {others} the turns are likelier, but simulated herds are farther from the clip."
         return f"Learned: {self.learned}, by which the turns are likelier and simulated herds are nearer to the clip."
 
     @property
@@ -141,10 +141,7 @@ def problem_of(clips: Sequence[Evidence]) -> str:
     return ""
 
 
-def compare_models(
-    clips: Sequence[Evidence], names: Sequence[str] | None = None, *, seed: int = 0,
-    say: Callable[[int, int, str], None] | None = None,
-) -> ModelComparison:  # fmt: skip
+def compare_models(clips: Sequence[Evidence], names: Sequence[str] | None = None, *, seed: int = 0) -> ModelComparison:
     """Fit kinds of models to clips and compare what they say of blocks held out.
 
     Parameters
@@ -155,20 +152,13 @@ def compare_models(
         Of likelihoods; default: all.
     seed : int
         Of the searches.
-    say : callable, optional
-        ``say(done, of, name)``.
     """
     known = likelihoods()
     kinds = [known[name] for name in (names or known)]
     blocks = TurnBlocks(clips)
     if not blocks.reference:
         return ModelComparison([], math.nan, 0, "no turns of animals are visible")
-    rows = []
-    for done, kind in enumerate(kinds):
-        if say is not None:
-            say(done, len(kinds), kind.name)
-        rows.append(_row(kind, blocks, seed))
-    return _ranked(rows, blocks)
+    return _ranked([_row(kind, blocks, seed) for kind in kinds], blocks)
 
 
 class TurnBlocks:
@@ -284,6 +274,8 @@ def _reason(rows, blocks, every, straight) -> str:
         return f"turns of {usual:.2g} rad in {SPAN:g} s are hardly larger than the noise of {blocks.noise:.2g} rad"
     if rows[0].score < straight + LEAST:
         return "no model predicts the next step better than straight motion does"
-    if len(blocks.frames) < FEWEST_BLOCKS:
-        return f"it has {len(blocks.frames)} blocks of {BLOCK:g} s, but {FEWEST_BLOCKS} are needed"
-    return ""
+    return _too_few(len(blocks.frames))
+
+
+def _too_few(blocks) -> str:
+    return f"it has {blocks} blocks of {BLOCK:g} s, but {FEWEST_BLOCKS} are needed" if blocks < FEWEST_BLOCKS else ""
