@@ -85,7 +85,7 @@ def of_clip(name, options):
     steady = all(judged(futures[k], _means(futures[:k] + futures[k + 1 :]))["kept"] for k in range(FUTURES))
     kind = "untold" if found.judgement is None else found.judgement.kind
     return {
-        "kind": kind, "sentence": found.verdict(), "alike": alike, "floor": steady,
+        "kind": kind, "learned as": learned.kind, "sentence": found.verdict(), "alike": alike, "floor": steady,
         "right": not steady if kind == "untold" else (kind == "like") == alike,
         "model": model, "herd": mine, "seen one by one": clip.sightings is not None,
         "seconds": round(time.perf_counter() - begun),
