@@ -397,7 +397,7 @@ def _learned(
     learnings = of if photo else 1 + of  # all frames are fitted at the end
     state, usual = herd.state(part), BUDGET / learnings
     budget = QUICK_BUDGET if wishes.quick else THOROUGH * usual if wishes.thorough else usual
-    if not wishes.resume and not fresh:
+    if herd.kind == HERD and not wishes.resume and not fresh:
         if state.exists():
             say(f"starting again: the state of an interrupted learning in {state} is discarded")
         state.unlink(missing_ok=True)
