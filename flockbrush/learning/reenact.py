@@ -16,9 +16,12 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.observations import Evidence
 from flockbrush.film.open_clip import Looking, look_at, moving_pictures, tell_notes
 from flockbrush.learning.comparison import ERRORS, JUDGED, Comparison, compared
+from flockbrush.learning.model_fit import kinds_of_models
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.side_by_side import ComparisonGround
 from flockbrush.learning.simulate import longest_way, simulated
+from flockbrush.learning.which_model import problem_of
+from flockbrush.learning.world_rollout import needs_world
 from flockbrush.render import Video
 from flockbrush.runs.terminal import Interrupts, compiling, measure, print_json, progress, say, show, table
 
@@ -52,6 +55,8 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
         if evidence.still:
             raise refused(clip, "is one picture; there is no motion to compare with")
         tell_notes(clip, evidence)
+        if needs_world(brush.params, brush.vision) and (problem := problem_of([evidence])):
+            raise refused(clip, f"{problem}; use a brush of the model herd, not {brush.name}")
         try:
             done = [simulated(evidence, brush, seed + k) for k in range(runs)]
         except ValueError as error:
@@ -71,8 +76,11 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
 
 def _brush(name):
     brush = load_brush(name) if str(name).endswith(SUFFIX) else shipped().get(str(name))
-    if brush.model != "herd":
-        raise refused(name, f"is a brush of the model {brush.model}; reenact needs a brush of the model herd")
+    if brush.model not in kinds_of_models() or not getattr(brush.params, "grounded", True):
+        kinds = (
+            f"a brush of the model herd, or of another model on the ground that learn fits, and this is {brush.model}"
+        )
+        raise refused(name, f"reenact needs {kinds}")
     return brush
 
 

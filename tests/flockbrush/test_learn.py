@@ -318,8 +318,11 @@ def test_clip_and_brush_are_compared_as_numbers_for_programs(cli, films, quick):
 
 
 def test_a_brush_of_birds_cannot_do_a_clip_again(cli, films, quick):
+    done = cli("reenact", films / "one.mp4", "--brush", "boids-herd", "--runs", 1, "--json")
+    assert done.code == 0 and json.loads(done.out)["brush"] == "boids-herd"
     done = cli("reenact", films / "one.mp4", "--brush", "geese")
     assert done.code == 1 and "a brush of the model herd" in done.err
+    assert cli("reenact", films / "one.mp4", "--brush", "starlings").code == 1
     done = cli("reenact", films / "one.mp4", "--brush", "grase")
     assert done.code == 1 and "did you mean 'graze'" in done.err
     done = cli("reenact", films / "one.mp4", "--brush", "graze", "--export", "x.txt")

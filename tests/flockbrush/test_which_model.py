@@ -64,7 +64,7 @@ def test_nothing_is_told_of_too_little_or_of_noise():
 
 
 def test_animals_that_press_past_each_other_are_seen_not_to_turn_aside():
-    """Two files of animals that meet head on: those of the herd turn along each other, those of the oracle go on."""
+    """Animals with random headings that go straight on, and the same animals with the contacts of the herd model."""
     rng, steps = np.random.default_rng(3), np.arange(48) / 16.0
     xy, heading = rng.uniform(0, 7, (40, 2)), rng.uniform(-np.pi, np.pi, 40)
     straight = xy + steps[:, None, None] * np.stack([np.cos(heading), np.sin(heading)], -1)
