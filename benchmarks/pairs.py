@@ -1,11 +1,12 @@
-"""The matrix of pairs: every shipped brush with every kind of event, and the invariants that must always hold.
+"""The matrix of pairs: every brush with every kind of event, and the invariants that must always hold.
 
     python benchmarks/pairs.py                       all pairs
     python benchmarks/pairs.py --brush geese march   the pairs of two brushes
     python benchmarks/pairs.py --seconds 60          a random sample (--seed), as in the test suite
 
-A pair is a small level with twelve animals of one brush, run for ten seconds, and one event ("thing") after two
-seconds.  After every tick and at the end, violated invariants are reported (`InvariantWatch`).
+The brushes are those that ship, and some of kinds that only `flockbrush learn` makes.  A pair is a small level with
+twelve animals of one brush, run for ten seconds, and one event ("thing") after two seconds.  After every tick and at
+the end, violated invariants are reported (`InvariantWatch`).
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.brush import BrushLibrary, shipped
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import BrushBinding, Destination, Position
 from flockbrush.engine.commands import Commands
@@ -49,8 +50,10 @@ from flockbrush.studio.branches import Beginning
 from flockbrush.studio.timeline import Timeline
 
 try:
+    from learned_brushes import learned
     from pairs_watch import InvariantWatch
 except ModuleNotFoundError:  # imported by the suite
+    from benchmarks.learned_brushes import learned
     from benchmarks.pairs_watch import InvariantWatch
 
 CELLS = 40  # along a side of the map
@@ -106,38 +109,45 @@ class Pair:
 # the level ---------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=1)
+@cache
+def library():
+    """Return the brushes of the matrix."""
+    return BrushLibrary(shipped().folders, learned())
+
+
+@cache
 def tiles():
-    return project_files(shipped())
+    """Return {file: content} of what every level has beside it."""
+    return project_files(library()) | {f"brushes/{name}": content for name, content in learned().items()}
 
 
 @cache
 def species_for(brush):
     """Return the first suitable species of a brush; else a sheep or a starling."""
-    asset, library = shipped().get(brush), shipped_species()
+    asset, kinds = library().get(brush), shipped_species()
     flies = asset.model in ("boids", "raptor", "line_formation", "v_rules") and brush != "boids-herd"
-    named = [n for n in library.names() if n in asset.made_for]
-    tagged = [n for n in library.names() if not {*library.get(n).tags}.isdisjoint(asset.made_for)]
+    named = [n for n in kinds.names() if n in asset.made_for]
+    tagged = [n for n in kinds.names() if not {*kinds.get(n).tags}.isdisjoint(asset.made_for)]
     others = ["ant"] if brush.startswith("ants") else ["starling" if flies else "sheep"]
     tagged.sort(key=lambda n: n not in others)
     for name in (*named, *tagged, *others):
-        if library.get(name).can("fly") if flies else library.get(name).can("walk") or library.get(name).can("swim"):
+        if kinds.get(name).can("fly") if flies else kinds.get(name).can("walk") or kinds.get(name).can("swim"):
             return name
     raise LookupError(f"no species can use {brush}")
 
 
 def brush_for(species):
     """Return a shipped brush made for a species."""
-    asset, library = shipped_species().get(species), shipped()
+    asset, brushes = shipped_species().get(species), library()
     mine = {species, *asset.tags}
-    fits = [n for n in library.names() if not mine.isdisjoint(library.get(n).made_for) and asset.media != ["swim"]]
-    fits.sort(key=lambda n: (library.get(n).has_own_body, species not in library.get(n).made_for))
+    fits = [n for n in brushes.names() if not mine.isdisjoint(brushes.get(n).made_for) and asset.media != ["swim"]]
+    fits.sort(key=lambda n: (brushes.get(n).has_own_body, species not in brushes.get(n).made_for))
     return fits[0] if fits else "march"
 
 
 def draw_level(pair):
     """Write the level of a pair and return its path."""
-    asset = shipped().get(pair.brush)
+    asset = library().get(pair.brush)
     pair.species = species_for(pair.brush)
     body = shipped_species().get(pair.species)
     flies = body.can("fly") and pair.species not in ("sheep",) and asset.model not in ("herd", "flee", "hunt")
@@ -156,9 +166,9 @@ def draw_level(pair):
         "Spawn", pair.middle, pair.middle, about, about, "herd", species=pair.species, brush=pair.brush, count=HERD,
         altitude=high, heading="east",
     )  # fmt: skip
-    (pair.folder / "tilesets").mkdir(parents=True, exist_ok=True)
     for file, content in tiles().items():
         if not (pair.folder / file).exists():
+            (pair.folder / file).parent.mkdir(parents=True, exist_ok=True)
             (pair.folder / file).write_bytes(content)
     return sketch.save(pair.folder / "pair.tmj")
 
@@ -179,9 +189,9 @@ def draw_height(pair, sketch, length):
 def things():
     """Return {name: function of (pair, simulation) that gives the commands of the event}."""
     made = {}
-    for other in shipped().names():
+    for other in library().names():
         made[f"paint {other}"] = lambda p, s, o=other: [
-            UseBrush(o, shipped().get(o).source.decode()),
+            UseBrush(o, library().get(o).source.decode()),
             Paint("brush", o, p.middle, p.middle, p.middle, p.middle, 0.4 * p.side),
         ]
     for kind in shipped_species().names():
@@ -210,7 +220,7 @@ def things():
         made[f"obstacle {shape}"] = lambda p, s, k=shape: [_obstacle(p, s, k)]
     for handling in ("undo", "scrub", "branch", "snapshot", "export"):
         made[handling] = lambda p, s: [
-            UseBrush("swarm", shipped().get("swarm").source.decode()),
+            UseBrush("swarm", library().get("swarm").source.decode()),
             Paint("brush", "swarm", p.middle, p.middle, p.middle, p.middle, 0.2 * p.side),
         ]
     return made
@@ -223,7 +233,7 @@ def _meet(pair, species):
         return []
     where, radius = pair.middle + 0.25 * pair.side, max(1.5 * size, 0.05 * pair.side)
     return [
-        UseBrush(brush, shipped().get(brush).source.decode()),
+        UseBrush(brush, library().get(brush).source.decode()),
         AddAnimals(brush, where, pair.middle, radius, 1, species),
     ]
 
@@ -237,8 +247,8 @@ def _lead(pair, simulation):
 @cache
 def partner(brush):
     """Return another brush of the same model, preferably of the same species; else the brush itself."""
-    library, model = shipped(), shipped().get(brush).model
-    others = [n for n in library.names() if n != brush and library.get(n).model == model]
+    brushes, model = library(), library().get(brush).model
+    others = [n for n in brushes.names() if n != brush and brushes.get(n).model == model]
     return min(others, key=lambda n: species_for(n) != species_for(brush), default=brush)
 
 
@@ -253,7 +263,7 @@ def half_zone(pair, west):
 def _soft_zone(pair, simulation):
     """Bring the mixtures for a zone of half weight along."""
     brush = partner(pair.brush)
-    use = UseBrush(brush, shipped().get(brush).source.decode())
+    use = UseBrush(brush, library().get(brush).source.decode())
     return [use, MixBrush(brush, {}), half_zone(pair, 0.45 * pair.side)]
 
 
@@ -261,7 +271,7 @@ def _two_states(pair):
     """Alternate the animals between two brushes of one model."""
     other = partner(pair.brush)
     program = PROGRAM % (pair.brush, other)
-    return [UseBrush(other, shipped().get(other).source.decode()), UseProgram("pairs", program), GiveProgram("pairs")]
+    return [UseBrush(other, library().get(other).source.decode()), UseProgram("pairs", program), GiveProgram("pairs")]
 
 
 def _birds_above(pair):
@@ -270,7 +280,7 @@ def _birds_above(pair):
         return []
     where = 0.5 * pair.side
     return [
-        UseBrush("starlings", shipped().get("starlings").source.decode()),
+        UseBrush("starlings", library().get("starlings").source.decode()),
         AddAnimals("starlings", where, where, 0.2 * pair.side, 5, "starling"),
     ]
 
@@ -428,7 +438,7 @@ def _with_timeline(pair, path):
 
 def all_pairs(brushes=None):
     """Return (brush, thing) of the whole matrix, in order."""
-    return [(b, t) for b in (brushes or shipped().names()) for t in things() if t != f"paint {b}"]
+    return [(b, t) for b in (brushes or library().names()) for t in things() if t != f"paint {b}"]
 
 
 def sample(pairs, seed, seconds, tell=lambda pair, faults: None):

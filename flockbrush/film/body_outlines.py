@@ -68,10 +68,18 @@ def size_of_bodies(masks) -> BodySize | None:
     return None
 
 
-def areas_alone(masks) -> np.ndarray:
-    """(k,) pixels of the blobs of some masks that fill their convex hull and are not cut by the border."""
-    area, _, _, solid, inside = _blobs(masks)
-    return area[(solid >= SOLID[0]) & (inside > 0) & (area >= LEAST_AREA)]
+def sizes_alone(masks) -> np.ndarray:
+    """(2, k) area and length, in pixels, of the blobs of masks that fill their convex hull and are not cut."""
+    area, long, _, solid, inside = _blobs(masks)
+    return np.stack([area, long])[:, (solid >= SOLID[0]) & (inside > 0) & (area >= LEAST_AREA)]
+
+
+def untouched(mask, before) -> np.ndarray:
+    """The blobs of ``before`` that a mask still has whole: of others a stone or a line took a part."""
+    _, blob = cv2.connectedComponents((before > 0).astype(np.uint8))
+    whole = np.bincount(blob.ravel()) == np.bincount(blob[mask > 0], minlength=blob.max() + 1)
+    whole[0] = False
+    return whole[blob].astype(np.uint8)
 
 
 def _of_those(area, long, wide, chosen):

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from flockbrush.engine.files import refused
-from flockbrush.film.body_outlines import BodySize, areas_alone, bodies_of
+from flockbrush.film.body_outlines import BodySize, bodies_of, sizes_alone, untouched
 from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.camera_maps import Steady, after, back, zoom_of
 from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, outlined, painted, read_colours
@@ -405,10 +405,12 @@ def _animals_in(clip, landmarks, body_colour, body_length_px, say):
     plain = _plain(pictures, steady, masks) if not landmarks and not clip.still else []
     size, length, apart, notes = size_in(clip, steady, masks, body_length_px)
     lines = not clip.still and colours.find_lines(masks, pictures, size)
+    bodies = masks
     if colours.find_stones(size.area) or lines:
         masks = _sampled(clip, colours)[1]
         size, length, apart, notes = size_in(clip, steady, masks, body_length_px)
-    notes += sizes_told(areas_alone(masks.values()))
+        bodies = {k: untouched(mask, bodies[k]) for k, mask in masks.items()}
+    notes += sizes_told(*sizes_alone(bodies.values()))
     return _Looks(steady, colours, size, length, apart, plain + colours.notes + notes + too_small(clip, size))
 
 

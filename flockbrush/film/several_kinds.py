@@ -17,6 +17,7 @@ import numpy as np
 APART = 4.5  # Ashman's D above which two groups are two kinds
 LEAST = 0.1  # share of the animals in the smaller group
 TIMES = 1.6  # times as fast or as large, at least
+LONGER = 0.25, 0.75  # powers of a ratio of areas: that of lengths lies between, of bodies of one shape at 0.5
 ENOUGH = 12  # animals
 EVEN = 0.03  # of a logarithm: values that differ less are the same
 SECONDS = 0.4  # of a track, of which the speed is taken
@@ -46,6 +47,11 @@ def two_groups(values) -> tuple[float, float] | None:
     return 1.0 - cut / n, float(np.exp(high - low))
 
 
+def _rows(values, share):
+    """(rows of the lower group, rows of the upper one, which has this share)."""
+    return np.split(np.argsort(values, kind="stable"), [round((1.0 - share) * len(values))])
+
+
 def _middle(logs):
     """(median, deviation by the quartiles)."""
     low, middle, high = np.quantile(logs, (0.25, 0.5, 0.75))
@@ -53,27 +59,39 @@ def _middle(logs):
 
 
 def speeds_told(sightings, fps) -> list[str]:
-    """A sentence where animals that are followed go at two speeds and none changes between them."""
+    """A sentence where animals that are followed go at two speeds, and the slow ones at the other hardly ever."""
     if sightings is None:
         return []
     known = np.isfinite(sightings.speed) & (sightings.track >= 0)
     order = np.argsort(sightings.track[known], kind="stable")
     track, speed = sightings.track[known][order], sightings.speed[known][order]
     parts = np.split(speed, np.flatnonzero(np.diff(track)) + 1)
-    usual = np.array([np.median(part) for part in parts if len(part) >= max(3, SECONDS * fps)])
-    if not len(usual):
+    long = [part for part in parts if len(part) >= max(3, SECONDS * fps)]
+    if not long:
         return []
-    groups = two_groups(usual[usual > max(STANDS * np.quantile(usual, 0.9), SLOWEST)])
+    usual, fast = np.array([np.quantile(part, (0.5, 0.9)) for part in long]).T
+    moving = usual > max(STANDS * np.quantile(usual, 0.9), SLOWEST)
+    groups = two_groups(usual[moving])
     if groups is None:
         return []
     share, times = groups
+    lower, upper = _rows(usual[moving], share)
+    if np.median(fast[moving][lower]) > np.median(usual[moving][upper]) / np.sqrt(times):
+        return []
     return [f"{share:.0%} of the moving animals are {times:.2g} times as fast as the others, {ADVICE}"]
 
 
-def sizes_told(areas) -> list[str]:
-    """A sentence where the areas of bodies that stand alone are of two sizes."""
+def sizes_told(areas, lengths) -> list[str]:
+    """A sentence where bodies that stand alone are of two sizes, and not single ones and touching pairs.
+
+    Of two that touch, either the length or the width is that of one.
+    """
     groups = two_groups(areas) if len(areas) else None
     if groups is None:
         return []
     share, times = groups
+    lower, upper = _rows(areas, share)
+    longer = np.log(np.median(lengths[upper]) / np.median(lengths[lower])) / np.log(times)
+    if not LONGER[0] < longer < LONGER[1]:
+        return []
     return [f"{share:.0%} of the bodies that stand alone have {times:.2g} times the area of the others, {ADVICE}"]

@@ -1,0 +1,27 @@
+"""Brushes of kinds that only `flockbrush learn` makes: another model than those of shipped brushes, or its sight."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+from flockbrush.behaviours.brush import SUFFIX, BodySpec, VisionSpec, brush_to_toml, shipped
+
+from flockbrush.learning.likelihood import likelihoods
+
+HALVES = Path(__file__).with_name("learning_halves.json")
+LEARNED = {"school": "school", "torus": "torus, seed 23"}  # brushes, and the clips that they were learned from
+
+
+@cache
+def learned():
+    """Return {file: content}; a march of topological sight, and what was learned from two clips."""
+    march, rows = shipped().get("march"), json.loads(HALVES.read_text())
+    made = [march.model_copy(update={"name": "topological", "vision": VisionSpec(range=8.0, sight="topological")})]
+    for name, clip in LEARNED.items():
+        row = rows[clip]
+        kind = likelihoods()[row["kind"]]
+        own = {"model": kind.model, "params": kind.behaviour.Params(**row["params"]), "body": BodySpec(**row["body"])}
+        made.append(march.model_copy(update={"name": name, "vision": VisionSpec(**row["vision"])} | own))
+    return {brush.name + SUFFIX: brush_to_toml(brush).encode() for brush in made}
