@@ -74,12 +74,13 @@ def sizes_alone(masks) -> np.ndarray:
     return np.stack([area, long])[:, (solid >= SOLID[0]) & (inside > 0) & (area >= LEAST_AREA)]
 
 
-def untouched(mask, before) -> np.ndarray:
-    """The blobs of ``before`` that a mask still has whole: of others a stone or a line took a part."""
+def blobs_left(before, mask, share=1.0) -> np.ndarray:
+    """(h, w) uint8, the blobs of ``before``, whole, of which a mask still has this share of the pixels."""
     _, blob = cv2.connectedComponents((before > 0).astype(np.uint8))
-    whole = np.bincount(blob.ravel()) == np.bincount(blob[mask > 0], minlength=blob.max() + 1)
-    whole[0] = False
-    return whole[blob].astype(np.uint8)
+    had = np.bincount(blob.ravel())
+    left = np.bincount(blob[mask > 0], minlength=len(had)) >= share * had
+    left[0] = False
+    return left[blob].astype(np.uint8)
 
 
 def _of_those(area, long, wide, chosen):

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from flockbrush.film import stones
+from flockbrush.film.body_outlines import blobs_left
 from flockbrush.film.camera_maps import Steady, after, back, moved_by
 from flockbrush.film.colour_table import LEVELS, colours_at_home, index_of, lab_of_table, looked_up, valley
 from flockbrush.film.ground_lines import lines_and_faces, without_lines
@@ -31,6 +32,7 @@ PART = 0.3  # share of what moves that is enough to be the animals
 CONTRAST_CHANGE = 0.6, 1.8  # of the pictures' contrast to that of the ground, beyond the change of light
 EXPOSED = 160  # px, the longer side of the pictures that exposure is measured on
 CROWDED = 0.6  # share of the picture; more cannot be animals
+LEFT = 0.4  # share of a body that no stone took, from which on it stays whole
 FAR = 60.0  # grey levels (Lab): no colour so far from the one that a person gave is taken
 _CANVAS = 4.0  # the stabilised ground may be this many pictures large, else it is made coarser
 
@@ -97,7 +99,10 @@ class BodyColours:
         return self.stones is not None
 
     def _leave_out_stones(self, k, picture, mask):
-        """Take out of a mask what is where a stone is and looks more like it than like an animal."""
+        """Take out of a mask what is where a stone is and looks more like it than like an animal.
+
+        A body of which `LEFT` remains stays whole: where a herd rests or is dense, the ground looks like pale animals.
+        """
         way = after(self.ground.from_first, self.maps[k])
         size, flags = picture.shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         on_stones = (cv2.warpAffine(self.stones * np.uint8(255), way, size, flags=flags) > 0) & (mask > 0)
@@ -108,7 +113,9 @@ class BodyColours:
         like_ground = np.linalg.norm(colours_there - ground, axis=1) < np.linalg.norm(
             colours_there - self.bright[::-1], axis=1
         )
+        before = mask.copy()
         mask[on_stones] = ~like_ground
+        mask |= blobs_left(before, mask, LEFT)
 
     def exposure(self, k, picture):
         """What gives the k-th picture the exposure of the ground (see `gain`)."""

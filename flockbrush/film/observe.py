@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from flockbrush.engine.files import refused
-from flockbrush.film.body_outlines import BodySize, bodies_of, sizes_alone, untouched
+from flockbrush.film.body_outlines import BodySize, blobs_left, bodies_of, sizes_alone
 from flockbrush.film.body_shapes import Outlines
 from flockbrush.film.camera_maps import Steady, after, back, zoom_of
 from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, outlined, painted, read_colours
@@ -409,7 +409,7 @@ def _animals_in(clip, landmarks, body_colour, body_length_px, say):
     if colours.find_stones(size.area) or lines:
         masks = _sampled(clip, colours)[1]
         size, length, apart, notes = size_in(clip, steady, masks, body_length_px)
-        bodies = {k: untouched(mask, bodies[k]) for k, mask in masks.items()}
+        bodies = {k: blobs_left(bodies[k], mask) for k, mask in masks.items()}
     notes += sizes_told(*sizes_alone(bodies.values()))
     return _Looks(steady, colours, size, length, apart, plain + colours.notes + notes + too_small(clip, size))
 

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import evidence_of_truth
-from flockbrush.film.body_outlines import sizes_alone, untouched
+from flockbrush.film.body_outlines import blobs_left, sizes_alone
 from flockbrush.film.several_kinds import sizes_told, speeds_told, two_groups
 
 
@@ -80,4 +80,5 @@ def test_a_body_that_lost_a_part_to_a_stone_has_no_size():
     before[10:18, 10:30] = before[40:48, 10:30] = 1
     mask = before.copy()
     mask[12:15, 26:30] = 0
-    assert (untouched(mask, before) == np.where(np.arange(60)[:, None] > 30, before, 0)).all()
+    assert (blobs_left(before, mask) == np.where(np.arange(60)[:, None] > 30, before, 0)).all()
+    assert (blobs_left(before, mask, 0.4) == before).all()

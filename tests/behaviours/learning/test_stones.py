@@ -80,3 +80,17 @@ def test_what_is_left_out_is_told_as_shadows_only_where_it_looks_like_them():
         bodies, notes = _without_shadows(moving, shade, lighter)
         assert np.array_equal(bodies, lighter)
         assert notes == (["the shadows of the animals were left out"] if shade.any() else [])
+
+
+def test_where_a_herd_rests_long_its_bodies_stay_whole(tmp_path):
+    """The ground under those who rest for a part of the film is a mixture, as pale as a stone."""
+    truth = herd("graze", 40, 4.0, seed=23)
+    film = shoot(truth, tmp_path / "rest.mp4", (512, 512), 22.0, CameraDrift(follow=1.0), LOOKS["sheep"], seed=5)
+    seen = observe(film.path)
+    was, now = film.seen_from(0, seen.body_length_px), seen.sightings
+    wrong = []
+    for k in range(0, len(now), 5):
+        rows = now.of(k)
+        near = np.linalg.norm(now.xy[rows][:, None] - was.xy[k][None], axis=-1).argmin(1)
+        wrong.append((now.forward[rows] * was.forward[k][near]).sum(1) < 0.0)
+    assert np.concatenate(wrong).mean() < 0.025
