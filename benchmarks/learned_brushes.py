@@ -1,4 +1,7 @@
-"""Brushes of kinds that only `flockbrush learn` makes: another model than those of shipped brushes, or its sight."""
+"""Brushes like those that `flockbrush learn` makes, of kinds that none of the shipped ones is.
+
+Their speeds are those of `march`: ``benchmarks/learning_halves.json`` does not store the learned ones.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ LEARNED = {"school": "school", "torus": "torus, seed 23"}  # brushes, and the cl
 
 @cache
 def learned():
-    """Return {file: content}; a march of topological sight, and what was learned from two clips."""
+    """Return {file: content} of march with topological sight, and of the models learned from two clips."""
     march, rows = shipped().get("march"), json.loads(HALVES.read_text())
     made = [march.model_copy(update={"name": "topological", "vision": VisionSpec(range=8.0, sight="topological")})]
     for name, clip in LEARNED.items():

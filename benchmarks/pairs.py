@@ -138,7 +138,7 @@ def species_for(brush):
 
 def brush_for(species):
     """Return a shipped brush made for a species."""
-    asset, brushes = shipped_species().get(species), library()
+    asset, brushes = shipped_species().get(species), shipped()
     mine = {species, *asset.tags}
     fits = [n for n in brushes.names() if not mine.isdisjoint(brushes.get(n).made_for) and asset.media != ["swim"]]
     fits.sort(key=lambda n: (brushes.get(n).has_own_body, species not in brushes.get(n).made_for))

@@ -32,7 +32,7 @@ PART = 0.3  # share of what moves that is enough to be the animals
 CONTRAST_CHANGE = 0.6, 1.8  # of the pictures' contrast to that of the ground, beyond the change of light
 EXPOSED = 160  # px, the longer side of the pictures that exposure is measured on
 CROWDED = 0.6  # share of the picture; more cannot be animals
-LEFT = 0.4  # share of a body that no stone took, from which on it stays whole
+LEFT = 0.4  # a body stays whole if stones leave at least this share of it
 FAR = 60.0  # grey levels (Lab): no colour so far from the one that a person gave is taken
 _CANVAS = 4.0  # the stabilised ground may be this many pictures large, else it is made coarser
 
@@ -101,7 +101,8 @@ class BodyColours:
     def _leave_out_stones(self, k, picture, mask):
         """Take out of a mask what is where a stone is and looks more like it than like an animal.
 
-        A body of which `LEFT` remains stays whole: where a herd rests or is dense, the ground looks like pale animals.
+        A body of which at least `LEFT` remains stays whole: under herds that rest or are dense, the ground's median is
+        a mixture with animals, which looks like a stone.
         """
         way = after(self.ground.from_first, self.maps[k])
         size, flags = picture.shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP

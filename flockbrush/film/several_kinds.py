@@ -17,7 +17,7 @@ import numpy as np
 APART = 4.5  # Ashman's D above which two groups are two kinds
 LEAST = 0.1  # share of the animals in the smaller group
 TIMES = 1.6  # times as fast or as large, at least
-LONGER = 0.25, 0.75  # powers of a ratio of areas: that of lengths lies between, of bodies of one shape at 0.5
+LONGER = 0.25, 0.75  # log(ratio of lengths) / log(ratio of areas) lies between; 0.5 where the shape is the same
 ENOUGH = 12  # animals
 EVEN = 0.03  # of a logarithm: values that differ less are the same
 SECONDS = 0.4  # of a track, of which the speed is taken
@@ -59,7 +59,7 @@ def _middle(logs):
 
 
 def speeds_told(sightings, fps) -> list[str]:
-    """A sentence where animals that are followed go at two speeds, and the slow ones at the other hardly ever."""
+    """A sentence where tracked animals go at two speeds; none where the slow ones are fast now and then."""
     if sightings is None:
         return []
     known = np.isfinite(sightings.speed) & (sightings.track >= 0)
@@ -82,9 +82,9 @@ def speeds_told(sightings, fps) -> list[str]:
 
 
 def sizes_told(areas, lengths) -> list[str]:
-    """A sentence where bodies that stand alone are of two sizes, and not single ones and touching pairs.
+    """A sentence where the areas (k,) and lengths (k,) of bodies that stand alone are of two sizes.
 
-    Of two that touch, either the length or the width is that of one.
+    None where the larger ones are pairs that touch: these are as long or as wide as one animal.
     """
     groups = two_groups(areas) if len(areas) else None
     if groups is None:

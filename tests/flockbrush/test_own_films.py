@@ -17,7 +17,7 @@ TOO_SMALL = ("crowded", "predators-valley", "river", "skein")
 RESTING = ("geese", "merino", "savanna")  # in so short a film
 HARDLY = ("elephants",)  # most rest, and some walk a little
 STAYING = ("lake",)  # outlines of the ground are taken for animals
-MIXED = ("pillars", "ridge")  # several species, or bodies that touch are taken for these
+MIXED = ("pillars", "ridge")  # several species; in pillars, specks and a whole flock in one blob are taken for these
 
 
 def test_every_shipped_level_is_one_of_these():
