@@ -9,11 +9,12 @@ for the herd model and is the oracle of the test. Speed is left out: in most mod
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 from numba import njit
 
-from flockbrush.behaviours.behaviour import Air, Behaviour, Scene, frozen
+from flockbrush.behaviours.behaviour import Air, Behaviour, Scene, flock_of, frozen
 from flockbrush.engine.maths import atan2_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.learning.turn_kernels import aside_of_
@@ -92,17 +93,24 @@ class NextSteps:
         quiet = params.model_copy(update={"wander": 0.0}) if "wander" in type(params).model_fields else params
         rows = np.arange(self.k, dtype=np.int32)
         limit = getattr(params, "max_turn", np.inf) * self.turns.dt
-        solid = self.turns.radius if model.flight is None else 0.0
-        return self._turned(lambda scene: model.steer(frozen(scene), rows, quiet).direction, limit, solid)
+        solid, scenes = self.turns.radius if model.flight is None else 0.0, self.scenes
+        if model.by_slot:
+            scenes = self._scenes_by_slot
+        return self._turned(scenes, lambda scene: model.steer(frozen(scene), rows, quiet).direction, limit, solid)
 
     def by_contact(self) -> np.ndarray:
         """The turns (k,), rad, of animals that go straight on except where they touch others."""
-        return self._turned(lambda scene: scene.forward[: self.k], np.inf, self.turns.radius)
+        return self._turned(self.scenes, lambda scene: scene.forward[: self.k], np.inf, self.turns.radius)
 
-    def _turned(self, wish, limit, solid):
+    @cached_property
+    def _scenes_by_slot(self):
+        """The scenes with the neighbours by slot; these are observed animals, which no prediction moves."""
+        return [scene._replace(air=scene.air._replace(by_slot=flock_of(scene, scene.air))) for scene in self.scenes]
+
+    def _turned(self, scenes, wish, limit, solid):
         """(k,) rad by which animals turn to what they wish in each `Scene`, at most ``limit`` rad to a tick."""
         angle, left = self.start.copy(), self.turns.ticks.copy()
-        for scene in self.scenes:
+        for scene in scenes:
             forward, velocity = scene.forward.copy(), scene.velocity.copy()
             forward[: self.k, 0], forward[: self.k, 1] = np.cos(angle), np.sin(angle)
             velocity[: self.k] = self.own_speed[:, None] * forward[: self.k]
