@@ -32,12 +32,14 @@ def truths() -> dict[str, tuple[str, object]]:
         "matching_time": 0.6, "max_acceleration": 0.5, "exponent": 1.0,
     }  # fmt: skip
     zones = {"repulsion": 1.0, "orientation": 2.0, "attraction": 8.0, "max_turn": 1.5, "wander": 0.2}
+    morse = {"attraction": 8.0, "attraction_reach": 10.0, "repulsion": 8.0, "repulsion_reach": 1.2}
     made = {
         "herd": ("herd", "herd", march, {"range": 4.0}),
         "topological, 6": ("topological", "herd", march | {"neighbour_range": 20.0}, NEAREST),
         "zones": ("zones", "zones", zones, BROAD),
         "zones, seen": ("zones", "zones", zones, {"range": 16.0}),
         "boids": ("boids", "boids", boids, BROAD),
+        "morse": ("morse", "morse", morse, BROAD),
     }
     told = Provenance(
         kind="hand-set", source="a benchmark", date=datetime.date(2026, 1, 1), by="benchmarks/learning.py"

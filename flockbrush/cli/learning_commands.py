@@ -109,7 +109,8 @@ class FitOptions(WrittenOptions):
         str,
         typer.Option(
             metavar="NAME",
-            help="Model to learn: herd, zones, topological, boids or another ground model; auto: found by the clip.",
+            help="Model to learn: herd, zones, morse, topological, boids or another on the ground; "
+            "auto: found by the clip.",
         ),
     ] = "auto"
     ablate: Annotated[

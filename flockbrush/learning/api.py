@@ -113,9 +113,9 @@ def learn(
         beside : bool, optional
             Judge it beside the shipped brushes, too; by default, where it is not quick.
         model : str, "auto"
-            "herd", "zones", "topological", "boids" or the name of another model on the ground; "auto" compares those
-            with a likelihood (``result.models``) and learns the herd, or another by which the turns are clearly
-            likelier and whose simulated herds are nearer to the tracks.
+            "herd", "zones", "morse", "topological", "boids" or the name of another model on the ground; "auto"
+            compares those with a likelihood (``result.models``) and learns the herd, or another by which the turns are
+            clearly likelier and whose simulated herds are nearer to the tracks.
 
     Raises
     ------

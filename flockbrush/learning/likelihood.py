@@ -11,7 +11,7 @@ one is fitted by simulation (`flockbrush.learning.model_fit`).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -45,6 +45,8 @@ class Likelihood:
     fit: Callable[[Turns, VisionSpec, int, Any], Any]
     # str to (float, float); free parameters and the range they are looked for in
     numbers: Mapping[str, tuple[float, float]]
+    # the same for parameters of which turns tell nothing: only simulated herds refine them
+    untold: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def behaviour(self) -> Behaviour:

@@ -97,7 +97,8 @@ def learned_model(
     x = place(kind.numbers, params)
     information, spread = _information(slopes, x)
     params = params.model_copy(update=_chance(params, wander_of(spread, blocks)))
-    given = ModelSetting.of_model(clips, params, vision, kind.numbers, discs=not blocks.deflected)
+    numbers = {**kind.numbers, **kind.untold}
+    given = ModelSetting.of_model(clips, params, vision, numbers, discs=not blocks.deflected)
     turns = max(float(slopes.steps.turns.weight.sum()), 1.0)
     begin, shape = place(given.numbers, params), first_shape(list(given.numbers), information / turns, STEP)
     start, stopped = Attempt(name, seed, begin, begin), False

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.brush import VisionSpec
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
@@ -34,7 +35,8 @@ TURNS = 2500  # that are looked at in all
 REFERENCE = VisionSpec(range=8.0), Params(neighbour_range=8.0)  # leaders by this perception follow no forces: left out
 ERRORS = 3.0  # standard errors between two models that are distinguished,
 LEAST = 0.01  # and so much of the logarithm of the likelihood of a step
-CONTENDS, GAIN, CONTENDERS = 2.0, 0.15, 2  # the same for models that are tried beside the herd, and how many at most
+CONTENDS, GAIN, CONTENDERS = 2.0, 0.08, 2  # the same for models that are tried beside the herd, and how many at most
+GAIN_WITH_SPEEDS = 0.15  # instead of `GAIN`, of models that set speeds themselves, of which turns tell nothing
 NOISIEST = 0.2  # rad: turns with more noise are not used, as of animals that push each other
 CLEAR = 1.5  # times the noise of headings: smaller turns are not used
 
@@ -66,6 +68,11 @@ class ModelRow:
         """In words."""
         return perception_of(self.vision)
 
+    @property
+    def least_gain(self) -> float:
+        """By how much turns must be likelier than by the herd, for it to be learned as well."""
+        return GAIN if behaviours()[self.model].flight is None else GAIN_WITH_SPEEDS
+
 
 @dataclass
 class ModelComparison:
@@ -90,8 +97,8 @@ class ModelComparison:
             return []
         best = [row for row in self.rows if row.behind <= max(ERRORS * row.behind_error, LEAST)]
         others = [row for row in best if row is not herd][:CONTENDERS]
-        gains = {row.name: _mean_and_error(row.blocks - herd.blocks) for row in others}
-        return [name for name, (gain, error) in gains.items() if gain > max(CONTENDS * error, GAIN)]
+        gains = [(row, *_mean_and_error(row.blocks - herd.blocks)) for row in others]
+        return [row.name for row, gain, error in gains if gain > max(CONTENDS * error, row.least_gain)]
 
     @property
     def decision(self) -> str:

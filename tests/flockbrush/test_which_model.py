@@ -46,13 +46,29 @@ def tracks(name):
 def test_a_herd_is_told_to_be_what_it_is_or_not_told_apart(name):
     found = compare_models([evidence_of(tracks(name))])
     assert name in found.equal, found.sentence
-    assert len(found.rows) == 4 and found.blocks >= 6
+    assert len(found.rows) == 5 and found.blocks >= 6
     assert all(row.behind >= 0 for row in found.rows) and not found.rows[0].told_apart
     assert set(found.contenders) <= set(found.equal) - {"herd"}
-    assert (name in found.contenders) == (name in ("zones", "boids")) and (name != "herd" or not found.contenders)
+    assert (name in found.contenders) == (name in ("zones", "boids", "morse"))
+    assert name != "herd" or not found.contenders
     if name == "zones":
         assert found.equal == ["zones"] and "is zones (all animals" in found.sentence
         assert found.rows[0].params.repulsion == pytest.approx(1.0, abs=0.1)
+
+
+def test_models_that_set_speeds_themselves_must_make_turns_much_likelier_to_be_tried():
+    vision, base = VisionSpec(range=8.0), np.full(8, 1.0)
+    rows = [
+        ModelRow(name, name, vision, None, gain, 0.1, blocks=base + gain + 0.001 * np.arange(8))
+        for name, gain in (("morse", 0.1), ("boids", 0.1), ("herd", 0.0))
+    ]
+    assert ModelComparison(rows, 0.5, 8).contenders == ["morse"]
+    for row in rows[:2]:
+        row.blocks = row.blocks + 0.1
+    assert ModelComparison(rows, 0.5, 8).contenders == ["morse", "boids"]
+    for row in rows[:2]:
+        row.blocks = row.blocks - 0.15
+    assert ModelComparison(rows, 0.5, 8).contenders == []
 
 
 def test_nothing_is_told_of_too_little_or_of_noise():
@@ -135,7 +151,7 @@ def test_numbers_of_zones_come_with_their_errors_and_make_a_brush(tmp_path):
 
 
 def test_what_cannot_be_learned_is_refused_in_a_sentence(tmp_path):
-    assert kinds_of_models() == ["boids", "herd", "topological", "zones"]
+    assert kinds_of_models() == ["boids", "herd", "morse", "topological", "zones"]
     with pytest.raises(ProblemsError, match="no model 'zone' can be learned; did you mean 'zones'"):
         check_kind("zone")
     with pytest.raises(ProblemsError, match="no model 'v_rules' can be learned"):
@@ -196,6 +212,15 @@ def test_simulations_refine_a_fit_to_next_steps(monkeypatch):
     assert found.starts[0].merit < fit.starts[0].merit
     assert len(found.loss) == 3 and "refined by simulated herds" in found.notes[0]
     assert found.params.repulsion == pytest.approx(fit.params.repulsion, abs=0.1)  # the turns say what it is
+
+
+def test_what_turns_do_not_tell_is_found_by_simulated_herds(monkeypatch):
+    clip = evidence_of(tracks("morse")[:64, :16])
+    _search_little(monkeypatch, 2)
+    found = learned_model([clip], "morse")
+    assert found.params.propulsion != behaviours()["morse"].Params().propulsion and "propulsion" not in found.names
+    brush = brush_of("ring", found, [clip], seed=0)
+    assert brush.model == "morse" and brush.params == found.params
 
 
 def test_a_first_generation_leaves_the_next_steps_as_likely():

@@ -1,0 +1,211 @@
+"""Self-propelled particles in a Morse potential: attraction to far and repulsion from near animals (D'Orsogna et al.).
+
+Each animal keeps to its own speed, and others exert forces on it that decay exponentially with distance: an attraction
+and a stronger, shorter repulsion [1]_, eqs. 1 to 3.  The part of the force across the heading turns the animal, slow
+ones more than fast ones; the part along the heading speeds it up or slows it down.  Such herds mill, and with a strong
+repulsion swarm or drift together.
+
+The attraction is the mean over the animals it sees instead of their sum, so that a brush holds for any number of them
+(as potentials divided by N do).  Speed is a process of its own (`flockbrush.systems.pace`), whose mean takes the place
+of the paper's square root of α/β; the force multiplies it by what balances propulsion and friction, as if the paper's
+equation had come to rest.  Noise turns the heading.  Nearest points of obstacles and animals of other species repel as
+those of the same species do, and do not attract.  For leaders, the guide is one more force.
+
+Lengths are in body lengths of the animal itself.
+
+.. [1] D'Orsogna, M. R., Chuang, Y. L., Bertozzi, A. L. & Chayes, L. S. (2006). Self-propelled particles with soft-core
+   interactions: patterns, stability, and collapse. Physical Review Letters 96, 104302.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
+from flockbrush.behaviours.models.herd import wander_kernel
+from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.engine.maths import exp_, kernel_function, sincos_
+from flockbrush.engine.parallel import over_rows
+from numba import njit
+
+CRAWL = 0.1  # BL/s: slower animals turn as if they had this speed
+LEAST_PACE, MOST_PACE = 0.2, 2.0  # times the animal's own speed
+
+
+class Params(Parameters):
+    """Strengths and reaches of the two forces, and what they do to speed and heading."""
+
+    attraction: float = quantity(
+        12.0,
+        "body lengths/s²",
+        "mean attraction by visible animals at distance 0 (C_a/l_a)",
+        0,
+        1000,
+    )
+    attraction_reach: float = quantity(
+        10.0, "body lengths", "distance at which attraction has decayed to 37 % (l_a)", 0.05, 200
+    )
+    repulsion: float = quantity(2.0, "body lengths/s²", "repulsion by one animal at distance 0 (C_r/l_r)", 0, 1000)
+    repulsion_reach: float = quantity(
+        1.6, "body lengths", "distance at which repulsion has decayed to 37 % (l_r)", 0.05, 200
+    )
+    propulsion: float = quantity(
+        0.5,
+        "1/s",
+        "how firmly an animal keeps to its own speed (α); 0: forces only turn it",
+        0,
+        100,
+    )
+    max_turn: float = quantity(10.0, "rad/s", "fastest turn by forces", 0.01, 200)
+    wander: float = quantity(
+        0.15, "rad/√s", "random turning: standard deviation of the heading after 1 s", 0, 10, chance=True
+    )
+    guidance_weight: float = quantity(6.0, "body lengths/s²", "force of a guide on animals that follow it", 0, 1000)
+    guided: Guided = who_is_guided("share", "all, a share, or only appointed ones; front: none in this model")
+    guided_share: float = share_guided()
+
+    sliders: ClassVar = {
+        "tightness": DesignerSlider("Loose to tightly packed", (moves("attraction", 1.0, 100.0, True),)),
+        "personal space": DesignerSlider("Close contact to wide spacing", (moves("repulsion_reach", 0.3, 5.0, True),)),
+        "nerve": DesignerSlider("Slow to quick turns", (moves("max_turn", 0.3, 12.0, True),)),
+        "wander": DesignerSlider("Straight paths to random turns", (moves("wander", 0.0, 2.0),)),
+        **SLIDERS,
+    }
+
+
+def explain(scene, row, p):
+    """Why this animal turns: by how much each force does, and the heading that is left, {reason: (2,)}.
+
+    Written plainly, for one animal; `steer` is its test, and it is that of `steer`.
+    """
+    forward, length = scene.forward[row, :2], scene.length[row]
+    seen = slice(scene.first[row], scene.first[row + 1])
+    who, offset = scene.near[seen], scene.offset[seen] / length
+    walls = scene.obstacle_offset[scene.obstacle_first[row] : scene.obstacle_first[row + 1]] / length
+    kin = scene.species[who] == scene.species[row]
+    forces = {
+        "cohesion": p.attraction * _decayed(offset[kin], p.attraction_reach) / max(kin.sum(), 1),
+        "avoidance": -p.repulsion * _decayed(offset, p.repulsion_reach),
+        "obstacles": -p.repulsion * _decayed(walls, p.repulsion_reach),
+    }
+    guidance = scene.guidance[row]
+    if scene.leader[row] and np.hypot(*guidance) > 1e-6:
+        forces["guide"] = p.guidance_weight * guidance / np.hypot(*guidance)
+    left = np.array([-forward[1], forward[0]])
+    across = {name: float(force @ left) for name, force in forces.items()}
+    total = sum(across.values())
+    most = p.max_turn * scene.dt
+    speed = max(np.hypot(*scene.velocity[row, :2]) / length, CRAWL)
+    turn = float(np.clip(total / speed * scene.dt, -most, most))
+    reasons = {"heading": np.cos(turn) * forward}
+    if total != 0.0:
+        reasons |= {name: np.sin(turn) * part / total * left for name, part in across.items() if part != 0.0}
+    direction, pace = np.zeros((1, 3)), np.ones(1)
+    _steer(scene, np.array([row], np.int32), p, direction, pace)
+    chance = direction[0, :2] - sum(reasons.values())
+    return reasons | ({"wander": chance} if p.wander > 0.0 else {})
+
+
+def _decayed(offset, reach):
+    """The sum (2,) of unit vectors to ``offset`` (n, 2), weighed by what a force with this reach is there."""
+    far = np.hypot(*offset.T)
+    near = far > 0
+    return (np.exp(-far[near] / reach) / far[near]) @ offset[near]
+
+
+@behaviour("morse", Params, explain=explain)
+def steer(scene, rows, p):
+    """Turn, speed up or slow down as the forces say."""
+    direction, pace = np.zeros((len(rows), 3)), np.ones(len(rows))
+    _steer(scene, rows, p, direction, pace)
+    return Wishes(direction, pace)
+
+
+class _Animals(NamedTuple):
+    """The columns that the kernel reads."""
+
+    forward: Any
+    length: Any
+    species: Any
+    velocity: Any
+    leader: Any
+    guidance: Any
+
+
+class _Lists(NamedTuple):
+    """Neighbours, or obstacles: those of row i are ``offset[first[i]:first[i + 1]]`` away."""
+
+    first: Any
+    near: Any
+    offset: Any
+
+
+class _Forces(NamedTuple):
+    """The parameters as the kernel wants them."""
+
+    attraction: float
+    per_attraction: float  # reach
+    repulsion: float
+    per_repulsion: float
+    per_propulsion: float  # 0: speeds stay alone
+    guidance_weight: float
+    turn: float  # rad, at most
+    dt: float
+
+
+def _steer(s, rows, p, direction, pace):
+    """Write the next headings, chance and all, and factors of speed."""
+    forces = _Forces(
+        p.attraction, 1.0 / p.attraction_reach, p.repulsion, 1.0 / p.repulsion_reach,
+        1.0 / p.propulsion if p.propulsion > 0.0 else 0.0, p.guidance_weight, p.max_turn * s.dt, s.dt,
+    )  # fmt: skip
+    animals = _Animals(s.forward, s.length, s.species, s.velocity, s.leader, s.guidance)
+    others, walls = _Lists(s.first, s.near, s.offset), _Lists(s.obstacle_first, None, s.obstacle_offset)
+    over_rows(_turn, len(rows), rows, animals, others, walls, forces, direction, pace)
+    if p.wander > 0.0:
+        over_rows(wander_kernel, len(rows), rows, s.ids, s.key("wander"), p.wander * np.sqrt(s.dt), direction)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turn(lo, hi, rows, animals, others, walls, forces, direction, pace):
+    for k in range(lo, hi):
+        i = rows[k]
+        fx, fy = animals.forward[i, 0], animals.forward[i, 1]
+        x, y = _force(i, animals, others, walls, forces)
+        vx, vy = animals.velocity[i, 0], animals.velocity[i, 1]
+        speed = max(np.sqrt(vx * vx + vy * vy) / animals.length[i], CRAWL)
+        turn = (fx * y - fy * x) / speed * forces.dt
+        sine, cosine = sincos_(min(max(turn, -forces.turn), forces.turn))
+        direction[k, 0], direction[k, 1] = cosine * fx - sine * fy, sine * fx + cosine * fy
+        along = (fx * x + fy * y) * forces.per_propulsion / speed
+        pace[k] = np.sqrt(min(max(1.0 + along, LEAST_PACE * LEAST_PACE), MOST_PACE * MOST_PACE))
+
+
+@kernel_function
+def _force(i, animals, others, walls, forces):
+    """The force on row i, BL/s² (eqs. 2 and 3)."""
+    per, ax, ay, x, y, kin = 1.0 / animals.length[i], 0.0, 0.0, 0.0, 0.0, 0
+    for at in range(others.first[i], others.first[i + 1]):
+        ox, oy = per * others.offset[at, 0], per * others.offset[at, 1]
+        d = np.sqrt(ox * ox + oy * oy)
+        same = animals.species[others.near[at]] == animals.species[i]
+        kin += same
+        if d == 0.0:
+            continue
+        push = forces.repulsion * exp_(-d * forces.per_repulsion) / d
+        x, y = x - push * ox, y - push * oy
+        if same:
+            pull = exp_(-d * forces.per_attraction) / d
+            ax, ay = ax + pull * ox, ay + pull * oy
+    for at in range(walls.first[i], walls.first[i + 1]):
+        ox, oy = per * walls.offset[at, 0], per * walls.offset[at, 1]
+        d = np.sqrt(ox * ox + oy * oy)
+        if d > 0.0:
+            push = forces.repulsion * exp_(-d * forces.per_repulsion) / d
+            x, y = x - push * ox, y - push * oy
+    share = forces.attraction / max(kin, 1)
+    gx, gy = animals.guidance[i, 0], animals.guidance[i, 1]
+    size = np.sqrt(gx * gx + gy * gy)
+    lead = forces.guidance_weight / size if animals.leader[i] and size > 1e-6 else 0.0
+    return x + share * ax + lead * gx, y + share * ay + lead * gy
