@@ -35,7 +35,7 @@ TURNS = 2500  # that are looked at in all
 REFERENCE = VisionSpec(range=8.0), Params(neighbour_range=8.0)  # leaders by this perception follow no forces: left out
 ERRORS = 3.0  # standard errors between two models that are distinguished,
 LEAST = 0.01  # and so much of the logarithm of the likelihood of a step
-CONTENDS, GAIN, CONTENDERS = 2.0, 0.08, 2  # the same for models that are tried beside the herd, and how many at most
+CONTENDS, GAIN, CONTENDERS = 2.0, 0.05, 2  # the same for models that are tried beside the herd, and how many at most
 GAIN_WITH_SPEEDS = 0.15  # instead of `GAIN`, of models that set speeds themselves, of which turns tell nothing
 NOISIEST = 0.2  # rad: turns with more noise are not used, as of animals that push each other
 CLEAR = 1.5  # times the noise of headings: smaller turns are not used

@@ -67,7 +67,7 @@ def test_models_that_set_speeds_themselves_must_make_turns_much_likelier_to_be_t
         row.blocks = row.blocks + 0.1
     assert ModelComparison(rows, 0.5, 8).contenders == ["morse", "boids"]
     for row in rows[:2]:
-        row.blocks = row.blocks - 0.15
+        row.blocks = row.blocks - 0.17
     assert ModelComparison(rows, 0.5, 8).contenders == []
 
 
