@@ -37,11 +37,7 @@ class Params(Parameters):
     """Strengths and reaches of the two forces, and what they do to speed and heading."""
 
     attraction: float = quantity(
-        12.0,
-        "body lengths/s²",
-        "mean attraction by visible animals at distance 0 (C_a/l_a)",
-        0,
-        1000,
+        12.0, "body lengths/s²", "mean attraction by visible animals at distance 0 (C_a/l_a)", 0, 1000
     )
     attraction_reach: float = quantity(
         10.0, "body lengths", "distance at which attraction has decayed to 37 % (l_a)", 0.05, 200
@@ -51,11 +47,7 @@ class Params(Parameters):
         1.6, "body lengths", "distance at which repulsion has decayed to 37 % (l_r)", 0.05, 200
     )
     propulsion: float = quantity(
-        0.5,
-        "1/s",
-        "how firmly an animal keeps to its own speed (α); 0: forces only turn it",
-        0,
-        100,
+        0.5, "1/s", "how firmly an animal keeps to its own speed (α); 0: forces only turn it", 0, 100
     )
     max_turn: float = quantity(10.0, "rad/s", "fastest turn by forces", 0.01, 200)
     wander: float = quantity(
@@ -77,7 +69,7 @@ class Params(Parameters):
 def explain(scene, row, p):
     """Why this animal turns: by how much each force does, and the heading that is left, {reason: (2,)}.
 
-    Written plainly, for one animal; `steer` is its test, and it is that of `steer`.
+    Written plainly, for one animal; a test compares it with `steer`.
     """
     forward, length = scene.forward[row, :2], scene.length[row]
     seen = slice(scene.first[row], scene.first[row + 1])

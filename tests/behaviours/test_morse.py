@@ -89,14 +89,14 @@ def test_lengths_are_those_of_the_animal():
     assert large == pytest.approx(turn_and_pace(herd), abs=1e-12)
 
 
-def distances_of_a_mill(propulsion):
-    """(milling, distances to the nearest neighbour) of 60 animals 15 s after they began as a turning ring."""
+def distances_of_a_mill(propulsion, count=60):
+    """(milling, distances to the nearest neighbour) of animals 15 s after they began as a turning ring."""
     herd = brush(
         "mill", "morse", mean=3.0, speed={"deviation": 0.3}, vision={"range": 20.0, "sight": "metric"},
         body={"radius": 0.2}, propulsion=propulsion,
     )  # fmt: skip
     simulation = meadow(herd, width=100, height=100)
-    k = np.arange(60)
+    k = np.arange(count)
     far, angle = np.sqrt(9.0 + 0.6 * k), 2.39996 * k
     put(
         simulation, 50 + far[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]), angle + np.pi / 2, brush="mill"
@@ -108,8 +108,10 @@ def distances_of_a_mill(propulsion):
     return abs(turning.mean()), cKDTree(xy).query(xy, 2)[0][:, 1]
 
 
-def test_a_ring_goes_on_milling_and_braking_keeps_even_distances():
+def test_a_ring_goes_on_milling_and_braking_keeps_even_distances_however_many_they_are():
     (milling, far), (without, uneven) = distances_of_a_mill(0.5), distances_of_a_mill(0.0)
     assert milling > 0.8 and without > 0.8
     spread = far.std() / far.mean()
     assert spread < 0.35 and spread < 0.7 * uneven.std() / uneven.mean()
+    milling, of_many = distances_of_a_mill(0.5, 180)
+    assert milling > 0.8 and of_many.mean() == pytest.approx(far.mean(), rel=0.15)
