@@ -14,7 +14,8 @@ from flockbrush.behaviours.brush import SUFFIX, BodySpec, VisionSpec, brush_to_t
 from flockbrush.learning.likelihood import likelihoods
 
 HALVES = Path(__file__).with_name("learning_halves.json")
-LEARNED = {"school": "school", "torus": "torus, seed 23"}  # brushes, and the clips that they were learned from
+# brushes, and the clips that they were learned from
+LEARNED = {"school": "school, seed 23", "torus": "torus, seed 23", "mill": "mill"}
 
 
 @cache
