@@ -115,7 +115,7 @@ def learn(
         model : str, "auto"
             "herd", "zones", "morse", "topological", "boids" or the name of another model on the ground; "auto"
             compares those with a likelihood (``result.models``) and learns the herd, or another by which the turns are
-            clearly likelier and whose simulated herds are nearer to the tracks.
+            clearly likelier and whose simulated herds are no farther from the tracks.
 
     Raises
     ------

@@ -304,7 +304,7 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
 
 
 def _nearest_kind(learned, models: ModelComparison, fold, herd: BrushTask, wishes, interrupts, of) -> Learned:
-    """What was learned as the herd, or as a kind of model that contends with it, whichever is nearer to the clip."""
+    """What was learned as the herd or as kinds of models that contend with it: the `nearest`."""
     tried, herd.hopeless = [learned], hopeless(learned)
     for herd.kind in models.contenders:
         tried.append(_learned(fold.clips, herd, wishes, interrupts, False, of=of))

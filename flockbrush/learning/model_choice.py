@@ -14,6 +14,7 @@ from flockbrush.learning.which_model import HERD, ModelComparison, compare_model
 from flockbrush.runs.terminal import measure, table
 
 AUTO = "auto"
+TIE = 1.1  # times as far as the herd: a kind of model by which turns are likelier counts as no farther
 HOPELESS = 1.3  # times the score of the herd: a kind that does not come below it soon is given up
 COLUMNS = "model", "perception", "log score", "±", "behind", "± ", "distinct", "battery"
 
@@ -58,8 +59,11 @@ def comparison_of(clips: Sequence[Evidence], seed: int) -> ModelComparison:
 
 
 def nearest(tried: Sequence[Learned]) -> Learned:
-    """The one of several kinds whose simulated herds are nearest to the clip; the first, if none is known."""
-    return min(tried, key=_merit)
+    """The one of several kinds whose simulated herds are nearest to the clip; the first, if none is known.
+
+    The others are tried since turns are clearly likelier by them: they are preferred to a herd that is hardly nearer.
+    """
+    return min(tried, key=lambda learned: _merit(learned) * (TIE if learned.kind == HERD else 1.0))
 
 
 def hopeless(learned: Learned) -> float:
