@@ -108,7 +108,7 @@ class ModelComparison:
         others = ", ".join(self.contenders)
         if self.learned == HERD:
             return f"Learned: herd. By {others} the turns are likelier, but simulated herds are farther from the clip."
-        return f"Learned: {self.learned}, by which the turns are likelier and simulated herds are no farther from the clip."
+        return f"Learned: {self.learned}, by which turns are likelier and simulated herds are no farther from the clip."
 
     @property
     def sentence(self) -> str:
