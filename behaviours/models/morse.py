@@ -25,7 +25,9 @@ import numpy as np
 from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
 from flockbrush.behaviours.models.herd import wander_kernel
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
-from flockbrush.engine.maths import exp_, kernel_function, sincos_
+from flockbrush.engine.lane_maths import exponential, lane_function
+from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, total, where
+from flockbrush.engine.maths import sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
 
@@ -161,10 +163,15 @@ def _steer(s, rows, p, direction, pace):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _turn(lo, hi, rows, animals, others, walls, forces, direction, pace):
+    most = np.int64(1)
+    for k in range(lo, hi):
+        i = rows[k]
+        most = max(most, others.first[i + 1] - others.first[i], walls.first[i + 1] - walls.first[i])
+    near = np.empty((3, (most + EIGHT) // EIGHT * EIGHT))
     for k in range(lo, hi):
         i = rows[k]
         fx, fy = animals.forward[i, 0], animals.forward[i, 1]
-        x, y = _force(i, animals, others, walls, forces)
+        x, y = _force(i, animals, others, walls, forces, near)
         vx, vy = animals.velocity[i, 0], animals.velocity[i, 1]
         speed = max(np.sqrt(vx * vx + vy * vy) / animals.length[i], CRAWL)
         turn = (fx * y - fy * x) / speed * forces.dt
@@ -174,30 +181,40 @@ def _turn(lo, hi, rows, animals, others, walls, forces, direction, pace):
         pace[k] = np.sqrt(min(max(1.0 + along, LEAST_PACE * LEAST_PACE), MOST_PACE * MOST_PACE))
 
 
-@kernel_function
-def _force(i, animals, others, walls, forces):
-    """The force on row i, BL/s² (eqs. 2 and 3)."""
-    per, ax, ay, x, y, kin = 1.0 / animals.length[i], 0.0, 0.0, 0.0, 0.0, 0
-    for at in range(others.first[i], others.first[i + 1]):
-        ox, oy = per * others.offset[at, 0], per * others.offset[at, 1]
-        d = np.sqrt(ox * ox + oy * oy)
+@njit(inline="always")
+def _force(i, animals, others, walls, forces, near):
+    """The force on row i, BL/s² (eqs. 2 and 3); ``near`` is room for its neighbours."""
+    per, kin, first, last = 1.0 / animals.length[i], 0, others.first[i], others.first[i + 1]
+    for at in range(first, last):
         same = animals.species[others.near[at]] == animals.species[i]
         kin += same
-        if d == 0.0:
-            continue
-        push = forces.repulsion * exp_(-d * forces.per_repulsion) / d
-        x, y = x - push * ox, y - push * oy
-        if same:
-            pull = exp_(-d * forces.per_attraction) / d
-            ax, ay = ax + pull * ox, ay + pull * oy
-    for at in range(walls.first[i], walls.first[i + 1]):
-        ox, oy = per * walls.offset[at, 0], per * walls.offset[at, 1]
-        d = np.sqrt(ox * ox + oy * oy)
-        if d > 0.0:
-            push = forces.repulsion * exp_(-d * forces.per_repulsion) / d
-            x, y = x - push * ox, y - push * oy
-    share = forces.attraction / max(kin, 1)
+        near[0, at - first], near[1, at - first] = per * others.offset[at, 0], per * others.offset[at, 1]
+        near[2, at - first] = 1.0 if same else 0.0
+    near[:, last - first : last - first + EIGHT] = 0.0  # behind the last stands nobody
+    rx, ry, ax, ay = _decayed_sums(
+        pointer(near), near.shape[1], last - first, forces.per_repulsion, forces.per_attraction
+    )
+    first, last = walls.first[i], walls.first[i + 1]
+    for at in range(first, last):
+        near[0, at - first], near[1, at - first] = per * walls.offset[at, 0], per * walls.offset[at, 1]
+    near[:, last - first : last - first + EIGHT] = 0.0
+    wx, wy, _, _ = _decayed_sums(pointer(near), near.shape[1], last - first, forces.per_repulsion, 0.0)
+    push, pull = forces.repulsion, forces.attraction / max(kin, 1)
     gx, gy = animals.guidance[i, 0], animals.guidance[i, 1]
     size = np.sqrt(gx * gx + gy * gy)
     lead = forces.guidance_weight / size if animals.leader[i] and size > 1e-6 else 0.0
-    return x + share * ax + lead * gx, y + share * ay + lead * gy
+    return pull * ax - push * (rx + wx) + lead * gx, pull * ay - push * (ry + wy) + lead * gy
+
+
+@lane_function
+def _decayed_sums(near, step, n, per_repulsion, per_attraction):
+    """Sums of unit vectors to all near ones, and to those whose third column is 1, decayed with distance."""
+    rx = ry = ax = ay = splat8(0.0)
+    for q in range(0, n, EIGHT):
+        x, y = load8(near, q), load8(near, step + q)
+        far = root(fused(x, x, y * y))
+        per_far = where(far > 0.0, splat8(1.0) / where(far > 0.0, far, splat8(1.0)), splat8(0.0))
+        push = exponential(splat8(0.0) - far * per_repulsion) * per_far
+        pull = exponential(splat8(0.0) - far * per_attraction) * per_far * load8(near, 2 * step + q)
+        rx, ry, ax, ay = fused(push, x, rx), fused(push, y, ry), fused(pull, x, ax), fused(pull, y, ay)
+    return total(rx), total(ry), total(ax), total(ay)
