@@ -2,8 +2,7 @@
 
 Each animal keeps to its own speed, and others exert forces on it that decay exponentially with distance: an attraction
 and a stronger, shorter repulsion [1]_, eqs. 1 to 3.  The part of the force across the heading turns the animal, slow
-ones more than fast ones; the part along the heading speeds it up or slows it down.  Such herds mill, and with a strong
-repulsion swarm or drift together.
+ones more than fast ones; the part along the heading speeds it up or slows it down.  Such herds mill.
 
 The attraction is the mean over the animals it sees instead of their sum, so that a brush holds for any number of them
 (as potentials divided by N do).  Speed is a process of its own (`flockbrush.systems.pace`), whose mean takes the place
@@ -22,7 +21,16 @@ from __future__ import annotations
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
+from flockbrush.behaviours.behaviour import (
+    ByRow,
+    Guided,
+    Parameters,
+    Wishes,
+    behaviour,
+    quantity,
+    share_guided,
+    who_is_guided,
+)
 from flockbrush.behaviours.models.herd import wander_kernel
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.engine.lane_maths import exponential, lane_function
@@ -127,14 +135,6 @@ class _Animals(NamedTuple):
     guidance: Any
 
 
-class _Lists(NamedTuple):
-    """Neighbours, or obstacles: those of row i are ``offset[first[i]:first[i + 1]]`` away."""
-
-    first: Any
-    near: Any
-    offset: Any
-
-
 class _Forces(NamedTuple):
     """The parameters as the kernel wants them."""
 
@@ -155,7 +155,7 @@ def _steer(s, rows, p, direction, pace):
         1.0 / p.propulsion if p.propulsion > 0.0 else 0.0, p.guidance_weight, p.max_turn * s.dt, s.dt,
     )  # fmt: skip
     animals = _Animals(s.forward, s.length, s.species, s.velocity, s.leader, s.guidance)
-    others, walls = _Lists(s.first, s.near, s.offset), _Lists(s.obstacle_first, None, s.obstacle_offset)
+    others, walls = ByRow(s.first, s.near, s.offset), ByRow(s.obstacle_first, s.near[:0], s.obstacle_offset)
     over_rows(_turn, len(rows), rows, animals, others, walls, forces, direction, pace)
     if p.wander > 0.0:
         over_rows(wander_kernel, len(rows), rows, s.ids, s.key("wander"), p.wander * np.sqrt(s.dt), direction)

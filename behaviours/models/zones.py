@@ -27,7 +27,16 @@ from __future__ import annotations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Guided, Parameters, Wishes, behaviour, quantity, share_guided, who_is_guided
+from flockbrush.behaviours.behaviour import (
+    ByRow,
+    Guided,
+    Parameters,
+    Wishes,
+    behaviour,
+    quantity,
+    share_guided,
+    who_is_guided,
+)
 from flockbrush.behaviours.models.herd import wander_kernel
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.engine.maths import atan2_, kernel_function, sincos_
@@ -156,14 +165,6 @@ class _Animals(NamedTuple):
     guidance: np.ndarray
 
 
-class _Lists(NamedTuple):
-    """Neighbours, or obstacles: those of row i are ``offset[first[i]:first[i + 1]]`` away."""
-
-    first: np.ndarray
-    near: np.ndarray | None
-    offset: np.ndarray
-
-
 class _Zones(NamedTuple):
     """The parameters as the kernel wants them."""
 
@@ -181,7 +182,7 @@ def _zones_of(s, rows, p, direction):
     seen_from = sincos_(np.pi - 0.5 * np.radians(p.blind_angle))[1]
     zones = _Zones(*map(float, edges), seen_from, p.max_turn * s.dt, p.guidance_weight)
     animals = _Animals(s.forward, s.length, s.species, s.leader, s.guidance)
-    others, walls = _Lists(s.first, s.near, s.offset), _Lists(s.obstacle_first, None, s.obstacle_offset)
+    others, walls = ByRow(s.first, s.near, s.offset), ByRow(s.obstacle_first, s.near[:0], s.obstacle_offset)
     over_rows(_turn, len(rows), rows, animals, others, walls, zones, direction)
     if p.wander > 0.0:
         over_rows(wander_kernel, len(rows), rows, s.ids, s.key("wander"), p.wander * np.sqrt(s.dt), direction)

@@ -34,7 +34,7 @@ def as_written(force):
 
 def test_the_force_is_the_gradient_of_the_potential():
     """Attraction is the mean of the others' and repulsion their sum (eqs. 2 and 3)."""
-    herd = np.array([(0.0, 0.0), (1.0, 0.5), (-2.0, 1.5), (0.3, -0.4)])
+    herd = np.vstack([np.zeros(2), np.random.default_rng(5).uniform(-3, 3, (20, 2))])
 
     def potential(at):
         far = np.hypot(*(herd[1:] - at).T)
