@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from flockbrush.film.body_outlines import BodySize, size_of_bodies
+from flockbrush.film.body_outlines import ALONE, ENOUGH, BodySize, size_of_bodies
 from flockbrush.film.camera_maps import zoom_of
 from flockbrush.film.observations import CannotObserve
 
@@ -15,6 +15,10 @@ READABLE = 8.0  # px of the clip: shorter animals are hard to separate; a note s
 CAPSULE = 0.366  # area of a body of 1 x 0.4 with round ends, BL² [herd.md]
 LONG = 2.5  # length of a body over its width, where neither is known [herd.md]
 PARTLY = 0.6  # a mask may show so much less, or more, of a body's length than a person measures
+CORE = 0.7  # of the largest distance to the edge: farther in is the colour of the body
+AROUND, BLURRED = 5, 3  # px around a body that are looked at, and into which it is blurred at most
+DARKEST = 1.2  # times the contrast of the core with the ground: what differs more, such as heads, counts no more
+LEAST_CONTRAST = 20.0  # grey levels
 
 
 def size_in(clip, steady, masks, given):
@@ -39,6 +43,51 @@ def size_in(clip, steady, masks, given):
     return size, length, apart, [warning] if abs(ratio - 1) > 0.25 else []
 
 
+def blur_margin(pictures, masks, size: BodySize) -> float:
+    """How far masks reach beyond the bodies, px: blur and compression make bodies look wider; 0 where nothing tells.
+
+    Blur spreads a body, but its contrast with the ground, summed, stays: divided by the contrast of its middle it is
+    the area of the body.  Of isolated bodies that, the area of the mask and its circumference give the margin.
+
+    Parameters
+    ----------
+    pictures, masks : {int: ndarray}
+        (h, w, 3) BGR, and (h, w), nonzero where animals are.
+    """
+    margins = [one for k, mask in masks.items() for one in _margins(pictures[k], mask, size)]
+    return max(float(np.median(margins)), 0.0) if len(margins) >= ENOUGH else 0.0
+
+
+def _margins(picture, mask, size):
+    """The margin of each isolated body of a picture."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats((mask > 0).view(np.uint8), connectivity=8)
+    h, w = mask.shape
+    near = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * BLURRED + 1, 2 * BLURRED + 1))
+    for blob in range(1, count):
+        x, y, wide, tall, pixels = stats[blob]
+        x0, y0, x1, y1 = x - AROUND, y - AROUND, x + wide + AROUND, y + tall + AROUND
+        if not ALONE[0] * size.area <= pixels <= ALONE[1] * size.area or x0 < 0 or y0 < 0 or x1 > w or y1 > h:
+            continue
+        label = labels[y0:y1, x0:x1]
+        own = (label == blob).view(np.uint8)
+        if cv2.countNonZero(label) > pixels:  # others are near
+            continue
+        part, reached, away = picture[y0:y1, x0:x1].astype(float), cv2.dilate(own, near), _from_edge(own)
+        ground, body = np.median(part[reached == 0], 0), np.median(part[away >= CORE * away.max()], 0)
+        contrast = body - ground
+        if contrast @ contrast < LEAST_CONTRAST**2:
+            continue
+        covered = np.minimum((part - ground) @ contrast / (contrast @ contrast), DARKEST)
+        outline = max(cv2.findContours(own, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)
+        around = cv2.arcLength(outline, True) + np.pi  # an outline runs through the middles of pixels
+        beyond = pixels - covered[reached > 0].sum()  # around * margin - pi * margin²
+        yield (around - np.sqrt(max(around**2 - 4 * np.pi * beyond, 0.0))) / (2 * np.pi)
+
+
+def _from_edge(mask):
+    return cv2.distanceTransform(mask, cv2.DIST_L2, 5)
+
+
 def scaled(size: BodySize, ratio: float) -> BodySize:
     """The same size at another number of pixels."""
     return replace(size, length=size.length * ratio, width=size.width * ratio, area=size.area * ratio**2)
@@ -55,7 +104,7 @@ def _guessed(clip, masks):
     """A size from the width of what looks like animals: twice the usual distance of its ridges to the ground."""
     ridges = []
     for mask in masks:
-        away = cv2.distanceTransform(mask, cv2.DIST_L2, 5)
+        away = _from_edge(mask)
         top = (away == cv2.dilate(away, np.ones((3, 3), np.uint8))) & (away > 1.0)
         ridges.append(away[top])
     lengths = np.concatenate(ridges) if ridges else np.empty(0)

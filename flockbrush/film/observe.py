@@ -26,7 +26,7 @@ from flockbrush.film.clip_reader import Clip, Say, open_clip, silent
 from flockbrush.film.flow import Flow, gap_of
 from flockbrush.film.landmarks import Landmark
 from flockbrush.film.masks import BodyColours, colours_of
-from flockbrush.film.measured_size import scaled, size_in, too_small
+from flockbrush.film.measured_size import blur_margin, scaled, size_in, too_small
 from flockbrush.film.media import read_picture
 from flockbrush.film.observations import CannotObserve, Evidence, Sightings
 from flockbrush.film.plain_ground import ground_alone, is_plain
@@ -110,6 +110,7 @@ class Watch:
     steady: Steady
     colours: BodyColours
     size: BodySize  # of what the mask shows of one animal
+    margin: float  # px by which blur widens it on each side
     length: float  # px of the first picture: a body length, given or measured on the mask
     given: bool  # whether it was given
     grid: ClipGrid
@@ -133,7 +134,7 @@ class Watch:
         if larger > 1.1 * clip.scale:  # small animals: the pictures are made less small
             clip = open_clip(path, frames, say, min(LARGEST, round(larger * max(clip.full))))
             looks = _animals_in(clip, landmarks, body_colour, body_length_px, say)
-        steady, colours, size, length, apart, notes = looks
+        steady, colours, size, margin, length, apart, notes = looks
         cells = grid_over(clip.size, steady.maps, length, grid)
         obstacle = None if painted_on[0] is None else (painted_on[0].max(-1) > 127).astype(np.uint8)
         if obstacle is not None and obstacle.mean() > ROOMLESS:
@@ -142,7 +143,7 @@ class Watch:
         if kinds is not None and len(kinds) > 32:
             raise refused(regions, f"has {len(kinds)} colours; use a few colours for the regions, without soft edges")
         return Watch(
-            clip, steady, colours, size, length, body_length_px is not None, cells,
+            clip, steady, colours, size, margin, length, body_length_px is not None, cells,
             None if obstacle is None else cv2.resize(obstacle, clip.size, interpolation=cv2.INTER_NEAREST),
             None if obstacle is None else painted(obstacle, cells, clip.scale).astype(bool),
             None if obstacle is None else outlined(obstacle, cells, clip.scale),
@@ -174,7 +175,8 @@ class Watch:
         warnings = [f"unreliable: {doubt}"] if doubt else []
         return Evidence(
             name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.length,
-            length_source="given" if self.given else "blobs", radius_bl=0.5 * self.size.width / self.size.length,
+            length_source="given" if self.given else "blobs",
+            radius_bl=max(0.5 * self.size.width - self.margin, 0.0) / self.size.length,
             fields=fields, sightings=sightings, speed=speed,
             notes=self._notes(taken, way) + speeds_told(sightings, clip.fps) + warnings, doubt=doubt, picture=first,
             to_pixels=self.grid.to_pixels, camera=self._camera(),
@@ -387,6 +389,7 @@ class _Looks(NamedTuple):
     steady: Steady
     colours: BodyColours
     size: BodySize
+    margin: float
     length: float
     apart: bool
     notes: list[str]
@@ -411,7 +414,8 @@ def _animals_in(clip, landmarks, body_colour, body_length_px, say):
         size, length, apart, notes = size_in(clip, steady, masks, body_length_px)
         bodies = {k: blobs_left(bodies[k], mask) for k, mask in masks.items()}
     notes += sizes_told(*sizes_alone(bodies.values()))
-    return _Looks(steady, colours, size, length, apart, plain + colours.notes + notes + too_small(clip, size))
+    margin = blur_margin(pictures, masks, size)
+    return _Looks(steady, colours, size, margin, length, apart, plain + colours.notes + notes + too_small(clip, size))
 
 
 def _landmark(mark) -> Landmark:
