@@ -54,6 +54,28 @@ def speed_of(evidences: list[Evidence]) -> SpeedSpec:
     )
 
 
+def own_speed(speed: SpeedSpec, paces, weight) -> SpeedSpec:
+    """The speed process of animals whose model multiplies it, where they are observed, by these factors.
+
+    Crowding then acts on speeds by the model, and not by a table.
+
+    Parameters
+    ----------
+    speed : SpeedSpec
+        As observed: the product of both.
+    paces, weight : (k,) ndarray
+        Factors, and how much each counts.
+    """
+    if (paces == 1.0).all():
+        return speed
+    mean, square = (float(np.average(paces**power, weights=weight)) for power in (1, 2))
+    own, noise = speed.mean / mean, speed.deviation / np.sqrt(2 * speed.reversion)
+    left = (noise**2 - own**2 * (square - mean**2)) / square
+    noise = np.sqrt(max(left, (LEAST_OWN * noise) ** 2))
+    deviation = float(np.clip(noise * np.sqrt(2 * speed.reversion), 0, 50))
+    return speed.model_copy(update={"mean": float(np.clip(own, 0, 100)), "deviation": deviation, "by_density": ()})
+
+
 def body_of(evidences: list[Evidence], discs: bool = False) -> BodySpec:
     """Bodies as wide as the clip's; as discs, and smaller ones, if asked or if its animals would lie on one another."""
     radius = float(np.clip(np.median([e.radius_bl for e in evidences]), 0.05, 0.5))

@@ -19,11 +19,12 @@ from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.learned_parameters import Attempt, Learned
 from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, scales_of
-from flockbrush.learning.model_search import STEP, WIDE_STEP, ModelSetting, first_shape, refined
+from flockbrush.learning.model_search import STEP, WIDE_STEP, ModelSetting, first_shape, refined, speed_by
+from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import LEAST, MOST, NAMES, theta_of
 from flockbrush.learning.simulate import simulated
-from flockbrush.learning.turns import FREEDOM, cramer_rao
+from flockbrush.learning.turns import FREEDOM, cramer_rao, thinned
 from flockbrush.learning.which_model import ModelRow, TurnBlocks, likeliest
 from flockbrush.learning.workers import WorkStopped
 
@@ -33,6 +34,7 @@ MOST_WANDER, QUIET = 2.0, 0.02  # rad/√s
 SPAN = 4.0  # times the default up and down, within which a fit by simulation looks
 SEES = VisionSpec(range=8.0)
 RUNS = 2
+PACES = 1000  # turns by which the paces are known that a model asks for
 
 
 class HerdParts(NamedTuple):
@@ -98,7 +100,8 @@ def learned_model(
     information, spread = _information(slopes, x)
     params = params.model_copy(update=_chance(params, wander_of(spread, blocks)))
     numbers = {**kind.numbers, **kind.untold}
-    given = ModelSetting.of_model(clips, params, vision, numbers, discs=not blocks.deflected)
+    steps = NextSteps(thinned(slopes.steps.turns, PACES))
+    given = ModelSetting.of_model(clips, params, vision, numbers, not blocks.deflected, steps)
     turns = max(float(slopes.steps.turns.weight.sum()), 1.0)
     begin, shape = place(given.numbers, params), first_shape(list(given.numbers), information / turns, STEP)
     start, stopped = Attempt(name, seed, begin, begin), False
@@ -142,7 +145,7 @@ def _as_learned(kind: Likelihood, given: ModelSetting, x, information, start, st
     notes = [f"model {kind.name}: {given.view.sight} sight, fitted to the next steps of the animals, {how}"]
     notes += ["learning was stopped: these are the best parameters so far"] if stopped else []
     return Learned(
-        params, given.speed, given.body, given.view, theta, extras, [start], 0, spread, deviation, told,
+        params, given.speed_of(params), given.body, given.view, theta, extras, [start], 0, spread, deviation, told,
         start.figures, notes, stopped, correlation, kind.model, names, kind.name, scales,
     )  # fmt: skip
 
@@ -214,4 +217,5 @@ def add_distances(rows: list[ModelRow], clips: Sequence[Evidence], seed: int = 0
     for row in rows:
         params = row.halves[-1]
         params = params.model_copy(update=_chance(params, wander_of(row.spread, blocks)))
-        row.distance = distance_of(battery, HerdParts(params, speed, body, row.vision), range(seed, seed + RUNS))
+        own = speed_by(NextSteps(thinned(blocks.train(row.vision), PACES)), params, speed)
+        row.distance = distance_of(battery, HerdParts(params, own, body, row.vision), range(seed, seed + RUNS))

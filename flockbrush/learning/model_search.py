@@ -16,17 +16,19 @@ from typing import Any
 
 import numpy as np
 
-from flockbrush.behaviours.brush import VisionSpec
+from flockbrush.behaviours.brush import SpeedSpec, VisionSpec
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.helpers import Helpers
-from flockbrush.learning.initial_conditions import body_of
+from flockbrush.learning.initial_conditions import body_of, own_speed
 from flockbrush.learning.learned_parameters import Attempt
 from flockbrush.learning.likelihood import read
+from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.rollout import DT
 from flockbrush.learning.search_space import EXTRAS, STEP_OF_EXTRAS
 from flockbrush.learning.trials import OTHER_NUMBERS, SearchSettings, Setting, attempt, forget, keep, stayed
 from flockbrush.learning.workers import Workers
+from flockbrush.learning.world_rollout import model_of
 
 SIZE = 8  # candidates of a generation
 GENERATIONS = 4, 12  # fewest and most
@@ -46,13 +48,14 @@ class ModelSetting(Setting):
     view: VisionSpec = VisionSpec()  # noqa: RUF009  frozen
     base: Any = None  # parameters of the model; those that are not searched for keep these values
     numbers: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # searched for, and where
+    steps: NextSteps | None = None  # of the clips; None: speeds are the animals' own
 
     @classmethod
-    def of_model(cls, clips: Sequence[Evidence], base, view, numbers, discs=False) -> ModelSetting:
+    def of_model(cls, clips: Sequence[Evidence], base, view, numbers, discs=False, steps=None) -> ModelSetting:
         """Of these clips; bodies may be ``discs``, and a model that wanders is searched for its wander, too."""
         numbers = dict(numbers) | (WANDER if "wander" in type(base).model_fields else {})
         given = Setting.of(clips, SearchSettings(body=body_of(list(clips), discs)))
-        return cls(**vars(given), view=view, base=base, numbers=numbers)
+        return cls(**vars(given), view=view, base=base, numbers=numbers, steps=steps)
 
     def params(self, x):
         """The parameters at positions (d,) from 0 to 1."""
@@ -60,13 +63,23 @@ class ModelSetting(Setting):
 
     def brush(self, theta, extras):
         """A brush with the numbers at these positions."""
-        return SimpleNamespace(params=self.params(theta), speed=self.speed, body=self.body, vision=self.view)
+        params = self.params(theta)
+        return SimpleNamespace(params=params, speed=self.speed_of(params), body=self.body, vision=self.view)
+
+    def speed_of(self, params) -> SpeedSpec:
+        """The animals' own speed, of which these parameters make the observed one."""
+        return self.speed if self.steps is None else speed_by(self.steps, params, self.speed)
 
     @property
     def generations(self) -> int:
         """As many as the work allows."""
         one = sum(float(np.nanmax(c.fields.count, initial=1.0)) * (len(c.fields) / c.fps + LONG) for c in self.clips)
         return int(np.clip(WORK / (SIZE * SEEDS * max(one, 1.0)), *GENERATIONS))
+
+
+def speed_by(steps: NextSteps, params, observed: SpeedSpec) -> SpeedSpec:
+    """The animals' own speed, of which a model with these parameters makes the observed one."""
+    return own_speed(observed, steps.paces(model_of(params), params), steps.turns.weight)
 
 
 def first_shape(numbers, information, step) -> np.ndarray:

@@ -90,13 +90,17 @@ class NextSteps:
         (k,) ndarray
             Radians over the observed time of each turn.
         """
-        quiet = params.model_copy(update={"wander": 0.0}) if "wander" in type(params).model_fields else params
-        rows = np.arange(self.k, dtype=np.int32)
+        rows, quiet = np.arange(self.k, dtype=np.int32), _quiet(params)
         limit = getattr(params, "max_turn", np.inf) * self.turns.dt
         solid, scenes = self.turns.radius if model.flight is None else 0.0, self.scenes
         if model.by_slot:
             scenes = self._scenes_by_slot
         return self._turned(scenes, lambda scene: model.steer(frozen(scene), rows, quiet).direction, limit, solid)
+
+    def paces(self, model: Behaviour, params) -> np.ndarray:
+        """The factors (k,) by which a model multiplies the speeds of the animals, at the start of each turn."""
+        rows = np.arange(self.k, dtype=np.int32)
+        return model.steer(frozen(self._headed(self.scenes[0], self.start)), rows, _quiet(params)).pace
 
     def by_contact(self) -> np.ndarray:
         """The turns (k,), rad, of animals that go straight on except where they touch others."""
@@ -111,15 +115,19 @@ class NextSteps:
         """(k,) rad by which animals turn to what they wish in each `Scene`, at most ``limit`` rad to a tick."""
         angle, left = self.start.copy(), self.turns.ticks.copy()
         for scene in scenes:
-            forward, velocity = scene.forward.copy(), scene.velocity.copy()
-            forward[: self.k, 0], forward[: self.k, 1] = np.cos(angle), np.sin(angle)
-            velocity[: self.k] = self.own_speed[:, None] * forward[: self.k]
-            wished = wish(scene._replace(forward=forward, velocity=velocity))
+            scene = self._headed(scene, angle)
             over_rows(
-                _turn_on, self.k, wished, Lists(scene.first, scene.near, scene.offset), forward, self.turns.half,
-                solid, limit, left, angle,
+                _turn_on, self.k, wish(scene), Lists(scene.first, scene.near, scene.offset), scene.forward,
+                self.turns.half, solid, limit, left, angle,
             )  # fmt: skip
         return angle - self.start
+
+    def _headed(self, scene, angle):
+        """The scene with the animals asked headed at these angles (k,), rad, at their speeds."""
+        forward, velocity = scene.forward.copy(), scene.velocity.copy()
+        forward[: self.k, 0], forward[: self.k, 1] = np.cos(angle), np.sin(angle)
+        velocity[: self.k] = self.own_speed[:, None] * forward[: self.k]
+        return scene._replace(forward=forward, velocity=velocity)
 
     def off(self, model: Behaviour, params) -> np.ndarray:
         """Observed minus predicted turns (k,), rad, in -π to π."""
@@ -128,6 +136,11 @@ class NextSteps:
     def loss(self, model: Behaviour, params) -> float:
         """Negative log likelihood per turn (nats), at the most likely spread of the residuals."""
         return -mean_score(self.off(model, params), self.turns.weight)[0]
+
+
+def _quiet(params):
+    """The parameters without chance."""
+    return params.model_copy(update={"wander": 0.0}) if "wander" in type(params).model_fields else params
 
 
 def wrapped(angle) -> np.ndarray:

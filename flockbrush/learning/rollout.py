@@ -441,7 +441,7 @@ def rollout(start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0
     if not isinstance(params, Parameters):
         params = params_of(params)
     if needs_world(params, vision):
-        return _run_of(world_looks(start, params, speed, body, vision, seconds, fps, seed, around), fps)
+        return _run_of(world_looks(start, params, speed, body, vision, seconds, fps, seed, around, dt), fps)
     herd = PlaneHerd(start, params, speed, body, vision, seed=seed, dt=dt, around=around)
     frames = int(seconds * fps + 1e-6) + 1
     looks = [_look(herd)]

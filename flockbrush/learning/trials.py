@@ -184,7 +184,7 @@ def wandering(given: Setting, theta, extras, seed):
     def variances(wander):
         brush, pairs = given.brush(theta, extras | {"wander": wander}), []
         for k, clip in enumerate(parts):
-            run = simulate(clip, brush.params, given.speed, given.body, brush.vision, [seed, k, 3], dt=COARSE_DT)
+            run = simulate(clip, brush.params, brush.speed, given.body, brush.vision, [seed, k, 3], dt=COARSE_DT)
             pairs.append(scatters(clip, brush, run, _turns_seen(clip, brush)))
         known = [pair for pair in pairs if pair is not None]
         return np.mean(np.square(known), axis=0) if known else np.zeros(2)
@@ -340,7 +340,7 @@ def _compared(given, clip, target, theta, extras, seed, frame, seconds, dt):
 
 def _run(given, clip, theta, extras, seed, frame, seconds, looks, dt):
     brush = given.brush(theta, extras)
-    return simulate(clip, brush.params, given.speed, given.body, brush.vision, seed, frame, seconds, dt, looks)
+    return simulate(clip, brush.params, brush.speed, given.body, brush.vision, seed, frame, seconds, dt, looks)
 
 
 def _of_limits(given, clip, theta, extras, run):
@@ -382,7 +382,7 @@ def keep(given: Setting, theta, extras, seed, factor):
             continue
         brush = given.brush(theta, extras)
         run = rollout(
-            herd, brush.params, given.speed, given.body, brush.vision, seconds=STAY, fps=LOOKS / STAY, seed=seed
+            herd, brush.params, brush.speed, given.body, brush.vision, seconds=STAY, fps=LOOKS / STAY, seed=seed
         )
         parts = _not_ignored(given, order_off(run, clip, target))
         if parts:  # a photograph shows neither order nor turning

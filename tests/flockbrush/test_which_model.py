@@ -18,12 +18,13 @@ from benchmarks.learning_models import table_of as confusion_of
 from flockbrush.learning import model_search
 from flockbrush.learning.confounding import estimates_of
 from flockbrush.learning.html_page import ReportPage
+from flockbrush.learning.initial_conditions import speed_of
 from flockbrush.learning.learned_brush import brush_of
 from flockbrush.learning.learned_parameters import Attempt
 from flockbrush.learning.likelihood import likelihoods, place, read
 from flockbrush.learning.model_choice import add_models, as_json, check_kind, hopeless, kind_of, nearest, table_of
 from flockbrush.learning.model_fit import kinds_of_models, learned_model
-from flockbrush.learning.model_search import first_shape
+from flockbrush.learning.model_search import first_shape, speed_by
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.perceive import perceive
 from flockbrush.learning.rollout import HerdStart, Surroundings, rollout, theta_of
@@ -114,18 +115,28 @@ def test_the_nearest_few_are_those_that_the_sight_keeps():
         assert set(seen.near[seen.first[row] : seen.first[row + 1]]) == set(np.argsort(far[row])[1:6])
 
 
-def test_a_herd_in_a_world_goes_as_one_without():
+@pytest.mark.parametrize("dt", [1 / 32, 1 / 16])
+def test_a_herd_in_a_world_goes_as_one_without(dt):
     """The kernels of a run without a world are the oracle of one with."""
     rng, brush = np.random.default_rng(5), TRUTHS["herd"]
     start = HerdStart(rng.uniform(0, 6, (20, 2)), np.tile([1.0, 0.0], (20, 1)), np.full(20, 2.0))
     parts = start, brush.params, brush.speed, brush.body, brush.vision
-    run, looks = rollout(*parts, seconds=1.0, fps=10, seed=4), world_looks(*parts, 1.0, 10, 4)
+    run, looks = rollout(*parts, seconds=1.0, fps=10, seed=4, dt=dt), world_looks(*parts, 1.0, 10, 4, dt=dt)
     for t, (ids, xy, forward, _) in enumerate(looks):
         assert len(ids) == 20
         np.testing.assert_allclose(xy, run.xy[run.of(t)], atol=1e-9)
         np.testing.assert_allclose(forward, run.forward[run.of(t)], atol=1e-9)
     with pytest.raises(ValueError, match="among walls"):
         rollout(start, TRUTHS["zones"].params, *parts[2:], seconds=1.0, around=Surroundings(gates=object()))
+
+
+@pytest.mark.parametrize("name", ["morse", "zones"])
+def test_a_model_that_multiplies_speeds_does_so_from_the_animals_own(name):
+    brush, clip = TRUTHS[name], evidence_of(tracks(name))
+    steps, seen = NextSteps(TurnBlocks([clip]).train(brush.vision)), speed_of([clip])
+    own = speed_by(steps, brush.params, seen)
+    assert own.mean == pytest.approx(brush.speed.mean, rel=0.03)
+    assert own is seen if name == "zones" else seen.mean < 0.8 * brush.speed.mean and own.by_density == ()
 
 
 def test_positions_and_parameters_are_inverse():
