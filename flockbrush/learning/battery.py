@@ -40,6 +40,7 @@ WAVERS = 0.7  # of the value of as many independent animals: the fluctuation of 
 RINGS = 10  # of distance, in which velocities are compared
 FARTHEST = 8.0  # limits: a herd that is farther off is just as wrong
 SPEED_QUANTILES, TURN_QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9), (0.25, 0.5, 0.75, 0.9)
+NEAREST_QUANTILES = (0.25, 0.5, 0.75, 0.9)  # the last tells of animals that have left the herd
 
 
 @dataclass(frozen=True)
@@ -206,7 +207,7 @@ def rows_of(look: ClipMoment, yard: Yard) -> dict[str, np.ndarray]:
     return {
         "polarization": np.array([np.hypot(*(of_known @ look.heading)) if heads.any() else np.nan]),
         "milling": np.array([abs(of_known @ round_and_round) if heads.any() else np.nan]),
-        "nearest neighbour": np.array([_nearest(look) if some and yard.single else np.nan]),
+        "nearest neighbour": _nearest(look) if some and yard.single else np.full(len(NEAREST_QUANTILES), np.nan),
         "speeds": _quantiles(speed[known], SPEED_QUANTILES, share[known]),
         "turning": _quantiles(turn, TURN_QUANTILES),
         "spread": np.array([_spread(look) if some else np.nan]),
@@ -217,12 +218,8 @@ def rows_of(look: ClipMoment, yard: Yard) -> dict[str, np.ndarray]:
 
 
 def _nearest(look):
-    """Median of the distances to the nearest neighbour."""
-    far = _to_nearest(np.asarray(look.xy, float))
-    order = np.argsort(far, kind="stable")
-    reached, half = np.cumsum(look.trust[order]), 0.5 * look.trust.sum()
-    middle = np.searchsorted(reached, half), np.searchsorted(reached, half, side="right")
-    return float(np.mean(far[order[np.minimum(middle, len(far) - 1)]]))
+    """Quantiles of the distances to the nearest neighbour."""
+    return _quantiles(_to_nearest(np.asarray(look.xy, float)), NEAREST_QUANTILES, look.trust)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
