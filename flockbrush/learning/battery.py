@@ -58,12 +58,12 @@ class BatteryMeasure:
 MEASURES = {
     m.name: m
     for m in (
-        BatteryMeasure("polarization", "", 0.06, lasting=0.2),
-        BatteryMeasure("milling", "", 0.10, lasting=0.35),
-        BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.1, lasting_share=0.35),
-        BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.25),
+        BatteryMeasure("polarization", "", 0.06, lasting=0.14),
+        BatteryMeasure("milling", "", 0.10, lasting=0.2),
+        BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.06, lasting_share=0.22),
+        BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.15),
         BatteryMeasure("turning", "rad/s", 0.06, 0.25),
-        BatteryMeasure("spread", "BL", 0.1, 0.10, lasting=0.5, lasting_share=0.5),
+        BatteryMeasure("spread", "BL", 0.1, 0.10, lasting=0.4, lasting_share=0.45),
         BatteryMeasure("growth", "1/s", 0.05),
         BatteryMeasure("correlation length", "BL", 0.5, 0.5),
         BatteryMeasure("share standing", "", 0.08, lasting=0.2),

@@ -23,12 +23,12 @@ from flockbrush.learning.response import response
 from flockbrush.learning.rollout import NAMES, Run, rollout
 from flockbrush.learning.simulate import shaken, simulated
 
-RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 2
+RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 4
 ALONE, MEASURED, FPS = 20.0, 10.0, 4.0  # s a herd is left alone, of which the end is measured; looks a second
 LEAST_TOLD = 3  # measures that a clip must determine
 NEARER = 0.7  # of a brush's distance: a rival is nearer below it
 FEWEST = 5  # animals
-GROWS = 1.5  # the largest exponent by which the spread of a clip is assumed to grow on
+ANYWHERE = 0.5  # of a limit, by which it grows at most where runs differ: those that go anywhere excuse nothing
 STILL, ONWARDS = "nobody moves", "all animals keep their velocity"
 RANDOM = "random numbers"
 
@@ -167,9 +167,9 @@ def _lasting(battery, rows, runs) -> list[BatteryRow]:
         level = float(np.abs(value).mean())
         limit = max(kind.lasting, kind.lasting_share * level, 1.5 * row.limit) + _trend(battery, row.name)
         if row.name in ("spread", "nearest neighbour") and np.isfinite(growth):
-            limit += level * (np.exp(min(max(growth, 0.0) * ALONE, GROWS)) - 1.0)
+            limit += level * max(growth, 0.0) * ALONE
         between = float(values.std(0, ddof=1).mean()) if len(values) > 1 else 0.0
-        limit += min(DEVIATIONS * between / np.sqrt(len(values)), limit)
+        limit += min(DEVIATIONS * between / np.sqrt(len(values)), ANYWHERE * limit)
         off = float(np.abs(values.mean(0) - value).mean())
         out.append(BatteryRow(row.name, float(value.mean()), float(values.mean()), off, limit))
     return out
