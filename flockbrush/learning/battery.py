@@ -436,5 +436,6 @@ def _by_chance(clip, looks, single):
     found = {name: float(np.sqrt(of_one / max(count, 1.0))) for name, of_one in CHANCE.items()}
     spread = np.nanmedian([_spread(look) for look in looks]) if looks else np.nan
     if single and np.isfinite(spread) and count > 1:  # on a disc of the same extent
-        found["nearest neighbour"] = float(0.47 * np.sqrt(2 * np.pi * spread**2 / count))
+        of_one = np.sqrt(-np.log1p(-np.array(NEAREST_QUANTILES)) / np.pi).mean()
+        found["nearest neighbour"] = float(of_one * np.sqrt(2 * np.pi * spread**2 / count))
     return found

@@ -6,10 +6,12 @@ import cv2
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
+from scipy.special import ndtri
 
 from benchmarks import foreign_herds, herd_film
 from flockbrush.film.body_outlines import BodySize, bodies_of, size_of_bodies
 from flockbrush.film.body_shapes import Outlines, capsule
+from flockbrush.film.measured_size import blur_margin
 
 SHEEP = Path(__file__).parents[4] / "shared/data/aerial_sheep"
 
@@ -233,3 +235,23 @@ def white(picture):
     hsv = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)
     mask = ((hsv[..., 2] > 150) & (hsv[..., 1] < 60)).astype(np.uint8)
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+
+
+@pytest.mark.parametrize("share", [0.5, 0.3, 0.1])
+def test_a_mask_reaches_beyond_bodies_as_blur_says(share):
+    """The edge of a half plane under a Gaussian is covered by a share at a distance known in closed form."""
+    places = [(30 + 40 * k, 35 + 45 * j, 25 * (k + 3 * j)) for k in range(4) for j in range(3)]
+    fine = drawn([(8 * x, 8 * y, a) for x, y, a in places], 192, 80, (1600, 1280)).astype(float)
+    covered = cv2.GaussianBlur(cv2.resize(fine, (200, 160), interpolation=cv2.INTER_AREA), (0, 0), 1.2)[..., None]
+    picture = (covered * (220, 215, 210) + (1 - covered) * (60, 110, 90)).astype(np.uint8)
+    mask = (covered[..., 0] > share).astype(np.uint8)
+    margin = blur_margin({0: picture}, {0: mask}, size(24.0, 10.0))
+    assert margin == pytest.approx(-1.2 * ndtri(share), abs=0.25)  # bodies have round ends
+
+
+@pytest.mark.parametrize("look", ["sheep", "cattle", "dun"])
+def test_bodies_in_a_film_are_as_wide_as_they_were_drawn(look):
+    film, masks = filmed("swarm", look, 20.0)
+    pictures, found = dict(enumerate(film.frames)), size_of_bodies(masks)
+    width = found.width - 2 * blur_margin(pictures, dict(enumerate(masks)), found)
+    assert width == pytest.approx(2 * foreign_herds.RADIUS * 20.0, rel=0.15)

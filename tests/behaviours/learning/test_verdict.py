@@ -68,6 +68,25 @@ def test_what_runs_do_alike_is_no_difference(clip):
     assert all(row.off == 0.0 and row.met for row in rows)
 
 
+def test_animals_that_leave_are_told_by_their_distance(clip):
+    battery = Battery.of(clip)
+    run = simulated(clip, shipped().get(BRUSH), 3)
+    gone = replace(run, xy=run.xy + np.where(run.ids % 8 == 0, 100.0 + 10.0 * run.ids, 0.0)[:, None])
+    stay, leave = (battery.measured(one)["nearest neighbour"] for one in (run, gone))
+    assert leave[1] == pytest.approx(stay[1], rel=0.2) and leave[-1] > 2.0 * stay[-1]
+    rows = {row.name: row for row in battery.compared([battery.measured(gone)])}
+    assert not rows["nearest neighbour"].met
+
+
+def test_distances_by_chance_are_those_of_places_at_random():
+    rng, radius = np.random.default_rng(2), 10.0
+    truth = herd("swarm", 400, 0.8, 12.5, 4)
+    angle, far = rng.uniform(-np.pi, np.pi, truth.xy.shape[:2]), radius * np.sqrt(rng.uniform(size=truth.xy.shape[:2]))
+    truth.xy[:] = np.stack([far * np.cos(angle), far * np.sin(angle)], -1)
+    battery = Battery.of(evidence_of_truth(truth))
+    assert battery.values["nearest neighbour"].mean() == pytest.approx(battery.chance["nearest neighbour"], rel=0.1)
+
+
 def row(name, far):
     return BatteryRow(name, 0.5, 0.5 + 0.1 * far, 0.1 * far, 0.1)
 
