@@ -58,8 +58,8 @@ class BatteryMeasure:
 MEASURES = {
     m.name: m
     for m in (
-        BatteryMeasure("polarization", "", 0.06, lasting=0.14),
-        BatteryMeasure("milling", "", 0.10, lasting=0.2),
+        BatteryMeasure("polarization", "", 0.06, lasting=0.2),
+        BatteryMeasure("milling", "", 0.10, lasting=0.3),
         BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.06, lasting_share=0.22),
         BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.15),
         BatteryMeasure("turning", "rad/s", 0.06, 0.25),

@@ -343,12 +343,13 @@ def _judged(fold: Fold, found: Findings, wishes, interrupts):
 def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Findings:
     """The numbers fitted to all frames, begun with those of the folds, if they do as well; else the first fold's.
 
-    The judgement is that of the folds, whose brushes were learned without the frames they are judged by.
+    Their judgement is that of the folds, whose brushes were learned without the frames they are judged by; the first
+    fold's brush keeps its own.
     """
     first, wholes = judged[0], [seen.whole for seen in herd.seen]
     if first.judgement is None or (first.held is None and len(judged) == 1):
         return first
-    first.judgement = combined([f.judgement for f in judged if f.judgement is not None])
+    together = combined([f.judgement for f in judged if f.judgement is not None])
     if wishes.quick and len(wholes) == 1:
         first.notes = ["Learned from the first part of the clip and tested on the rest: --quick fits no brush to all."]
         return first
@@ -360,14 +361,17 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     if interrupts.asked or any(check is None for check in checks):
         return first
     _refuse_strangers(wholes, checks, herd)
-    own, theirs = (len(j.missed) for j in (combined(checks), first.judgement))
+    own, theirs = (len(j.missed) for j in (combined(checks), together))
     parts = (
         "each clip" if len(wholes) > 1 else f"{len(judged)} parts of the clip" if len(judged) > 1 else "the second part"
     )
     if own > theirs:
-        first.notes = [f"Tested on {parts} in turn; a fit to all frames was worse than the first of these fits."]
+        first.notes = [
+            f"Tested on {parts} in turn; a fit to all frames was worse, so the first of these fits was saved, with its "
+            "own verdict."
+        ]
         return first
-    again.judgement, again.seconds, again.judged_brush = first.judgement, first.seconds, first.brush
+    again.judgement, again.seconds, again.judged_brush = together, first.seconds, first.brush
     again.models = first.models
     again.notes = [f"Tested on {parts}, held out in turn; the parameters were then fitted to all frames."]
     return again

@@ -250,7 +250,7 @@ def combined(judgements: list[Judgement]) -> Judgement:
 
 
 def _mean_of(contenders):
-    """One contender of several with the same name: means of what they are off, against means of the limits."""
+    """One contender of several with the same name: root mean squares of what they are off, in limits."""
 
     def joined(tables):
         known = [{row.name: row for row in table} for table in tables]
@@ -268,7 +268,7 @@ def _mean_row(rows):
         key: float(np.mean([getattr(row, key) for row in rows]))
         for key in ("clip", "herd", "limit", "by_chance", "boot")
     }
-    off = float(np.mean([row.far for row in rows])) * values["limit"]
+    off = float(np.sqrt(np.mean([row.far**2 for row in rows]))) * values["limit"]
     return BatteryRow(rows[0].name, off=off, **values)
 
 

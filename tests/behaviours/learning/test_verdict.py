@@ -116,8 +116,9 @@ def test_brushes_of_several_parts_are_judged_together():
     parts = [concluded(contender("x", far, 0.1, 0.1, 0.1), others, 3.0, 30) for far in (0.2, 1.5)]
     assert [p.kind for p in parts] == ["like", "partly"]
     both = combined(parts)
-    assert both.kind == "like" and both.seconds == 6.0
-    assert both.brush.rows[0].far == pytest.approx(0.85)
+    assert both.kind == "partly" and both.seconds == 6.0
+    assert both.brush.rows[0].far == pytest.approx(np.sqrt((0.2**2 + 1.5**2) / 2))
+    assert combined([parts[0], concluded(contender("x", 1.1, 0.1, 0.1, 0.1), others, 3.0, 30)]).kind == "like"
 
 
 def test_nothing_is_told_by_a_clip_whose_animals_are_taken_for_ground(clip):
