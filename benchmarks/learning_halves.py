@@ -130,8 +130,8 @@ def halves_of(name, options):
     row = {
         **mine, "kind": found.kind, "chosen": found.starts[found.chosen].name,
         "params": found.params.model_dump(), "vision": found.vision.model_dump(), "body": found.body.model_dump(),
-        "seen one by one": first.sightings is not None, "looking, s": round(looked - begun, 1),
-        "learning, s": round(learned - looked, 1),
+        "speed": found.speed.model_dump(), "seen one by one": first.sightings is not None,
+        "looking, s": round(looked - begun, 1), "learning, s": round(learned - looked, 1),
     }  # fmt: skip
     row |= _battery_of(name, options, evidence, film, second, found, row)
     return row | _rivals_of(second, given, mine) if options.rivals else row
@@ -162,17 +162,16 @@ def _rivals_of(second, given, mine):
 
 def again(name, options, row):
     """Return a stored row with the battery of its parameters, and of the true model simulated again."""
-    from flockbrush.behaviours.brush import BodySpec, VisionSpec
+    from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
 
     from flockbrush.film.observations import halves
-    from flockbrush.learning.initial_conditions import speed_of
     from flockbrush.learning.likelihood import likelihoods
 
     with tempfile.TemporaryDirectory() as folder:
         evidence, film = evidence_of_clip(name, options, folder)
-    first, second = halves(evidence)
+    second = halves(evidence)[1]
     learned = SimpleNamespace(
-        params=likelihoods()[row["kind"]].behaviour.Params(**row["params"]), speed=speed_of([first]),
+        params=likelihoods()[row["kind"]].behaviour.Params(**row["params"]), speed=SpeedSpec(**row["speed"]),
         body=BodySpec(**row["body"]), vision=VisionSpec(**row["vision"]),
     )  # fmt: skip
     return row | _battery_of(name, options, evidence, film, second, learned, row)
