@@ -28,7 +28,7 @@ ALONE, MEASURED, FPS = 20.0, 10.0, 4.0  # s a herd is left alone, of which the e
 LEAST_TOLD = 3  # measures that a clip must determine
 NEARER = 0.7  # of a brush's distance: a rival is nearer below it
 FEWEST = 5  # animals
-ANYWHERE = 0.5  # of a limit, by which it grows at most where runs differ: those that go anywhere excuse nothing
+ANYWHERE = 0.25  # of a limit, by which it grows at most where runs differ: those that go anywhere excuse nothing
 STILL, ONWARDS = "nobody moves", "all animals keep their velocity"
 RANDOM = "random numbers"
 
