@@ -60,7 +60,7 @@ MEASURES = {
     for m in (
         BatteryMeasure("polarization", "", 0.06, lasting=0.2),
         BatteryMeasure("milling", "", 0.10, lasting=0.3),
-        BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.06, lasting_share=0.22),
+        BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.06, lasting_share=0.25),
         BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.15),
         BatteryMeasure("turning", "rad/s", 0.06, 0.25),
         BatteryMeasure("spread", "BL", 0.1, 0.10, lasting=0.4, lasting_share=0.45),
