@@ -17,7 +17,7 @@ LONG = 2.5  # length of a body over its width, where neither is known [herd.md]
 PARTLY = 0.6  # a mask may show so much less, or more, of a body's length than a person measures
 CORE = 0.7  # of the largest distance to the edge: farther in is the colour of the body
 AROUND, BLURRED = 5, 3  # px around a body that are looked at, and into which it is blurred at most
-DARKEST = 1.2  # times the contrast of the core with the ground: what differs more, such as heads, counts no more
+STRONGEST = 1.2  # times the contrast of the core with the ground: what differs more, such as heads, counts as this
 LEAST_CONTRAST = 20.0  # grey levels
 
 
@@ -77,7 +77,7 @@ def _margins(picture, mask, size):
         contrast = body - ground
         if contrast @ contrast < LEAST_CONTRAST**2:
             continue
-        covered = np.minimum((part - ground) @ contrast / (contrast @ contrast), DARKEST)
+        covered = np.minimum((part - ground) @ contrast / (contrast @ contrast), STRONGEST)
         outline = max(cv2.findContours(own, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0], key=len)
         around = cv2.arcLength(outline, True) + np.pi  # an outline runs through the middles of pixels
         beyond = pixels - covered[reached > 0].sum()  # around * margin - pi * margin²
