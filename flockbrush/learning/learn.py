@@ -356,8 +356,8 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     begins = [(f"part {k + 1}", f.learned.theta, f.learned.extras) for k, f in enumerate(judged)]
     learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), begins=begins)
     again = _found(herd, Fold(wholes, first.held), learned, wishes)
-    quick = replace(wishes, quick=True, beside=False)
-    checks = [_judged(Fold([whole], None), again, quick, interrupts) for whole in wholes]
+    alone = replace(wishes, beside=False)
+    checks = [_judged(Fold([whole], None), again, alone, interrupts) for whole in wholes]
     if interrupts.asked or any(check is None for check in checks):
         return first
     _refuse_strangers(wholes, checks, herd)
