@@ -241,29 +241,29 @@ def combined(judgements: list[Judgement]) -> Judgement:
     """One judgement of several: of brushes learned from parts of the clips, each by what was held out."""
     if len(judgements) == 1:
         return judgements[0]
-    mine = _mean_of([j.brush for j in judgements])
+    mine = _joined([j.brush for j in judgements])
     names = [r.name for r in judgements[0].rivals]
     by_name = [{r.name: r for r in j.rivals} for j in judgements]
-    rivals = [_mean_of([tried[name] for tried in by_name]) for name in names if all(name in tried for tried in by_name)]
+    rivals = [_joined([tried[name] for tried in by_name]) for name in names if all(name in tried for tried in by_name)]
     seconds, count = sum(j.seconds for j in judgements), float(np.mean([j.count for j in judgements]))
     return concluded(mine, rivals, seconds, count, next((j.doubt for j in judgements if j.doubt), ""))
 
 
-def _mean_of(contenders):
+def _joined(contenders):
     """One contender of several with the same name: root mean squares of what they are off, in limits."""
 
-    def joined(tables):
+    def rows_of(tables):
         known = [{row.name: row for row in table} for table in tables]
         for name in known[0]:
             if all(name in table for table in known):
-                yield _mean_row([table[name] for table in known])
+                yield _joined_row([table[name] for table in known])
 
     lasting = [c.lasting for c in contenders if c.lasting]
-    rows = list(joined([c.rows for c in contenders]))
-    return Contender(contenders[0].name, rows, list(joined(lasting)) if lasting else [])
+    rows = list(rows_of([c.rows for c in contenders]))
+    return Contender(contenders[0].name, rows, list(rows_of(lasting)) if lasting else [])
 
 
-def _mean_row(rows):
+def _joined_row(rows):
     values = {
         key: float(np.mean([getattr(row, key) for row in rows]))
         for key in ("clip", "herd", "limit", "by_chance", "boot")
