@@ -171,8 +171,9 @@ def again(name, options, row):
         evidence, film = evidence_of_clip(name, options, folder)
     second = halves(evidence)[1]
     learned = SimpleNamespace(
-        params=likelihoods()[row["kind"]].behaviour.Params(**row["params"]), speed=SpeedSpec(**row["speed"]),
-        body=BodySpec(**row["body"]), vision=VisionSpec(**row["vision"]),
+        params=likelihoods()[row["kind"]].behaviour.Params(**row["params"]),
+        speed=SpeedSpec.model_validate_json(json.dumps(row["speed"])), body=BodySpec(**row["body"]),
+        vision=VisionSpec(**row["vision"]),
     )  # fmt: skip
     return row | _battery_of(name, options, evidence, film, second, learned, row)
 
