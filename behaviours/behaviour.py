@@ -75,7 +75,7 @@ class Scene(NamedTuple):
 
     dt: float  # s
     tick: int
-    key: Callable[[str], np.uint64]  # noise key of a named stream in this tick
+    key: Callable[..., np.uint64]  # noise key of a named stream, in this tick or in another one that is given
     ids: np.ndarray  # (n,) entity ids, for noise
     xyz: np.ndarray  # (n, 3) m
     velocity: np.ndarray  # (n, 3) m/s

@@ -196,7 +196,7 @@ def scene_of(world, lists=True):
     scene = Scene(
         clock.dt,
         clock.tick,
-        lambda stream: noise.key(stream, clock.tick),
+        lambda stream, tick=clock.tick: noise.key(stream, tick),
         agents.ids,
         xyz,
         agents[Velocity.xyz],

@@ -16,7 +16,7 @@ def scene(xy, heading, length=1.0, seed=0, leader=None, obstacles=(), guidance=(
     values = {
         "dt": 1 / 32,
         "tick": 7,
-        "key": lambda stream: Noise(seed).key(stream, 7),
+        "key": lambda stream, tick=7: Noise(seed).key(stream, tick),
         "ids": np.arange(10, 10 + n),
         "xyz": np.column_stack([xy, np.zeros(n)]),
         "velocity": 1.2 * forward,

@@ -6,14 +6,14 @@ and in bearing (eqs. 4 and 5); their weighted sum turns its heading (eqs. 2 and
 3).  Speed is not touched: direction and speed are separate.  An animal that
 sees at most two others is a leader and follows the navigation field.
 
-Headings may also drift at random (``wander``), as in most models of
-self-propelled animals since Vicsek et al. 1995 [2]_; the paper has no such
-term, and none is the default.  Without it herds that press together at the
-start can lock for ever, and mills of few animals give way to marches.
+Headings may also drift at random (``wander``, `flockbrush.behaviours.wander`);
+the paper has no such term, and none is the default.  Without it herds that
+press together at the start can lock for ever, and mills of few animals give way
+to marches.
 
 Animals may also prefer a side (``turn_bias``): a constant part of the force of
 eq. 3, at right angles to the heading.  The paper has none; driven reindeer turn
-to the left [3]_.  With it a small mill does not become a march.
+to the left [2]_.  With it a small mill does not become a march.
 
 Lengths are in body lengths of the animal itself, so one brush moves mice and
 cattle.  Eq. 2 is read with the unit heading, ``N(v + Δt F)`` with ``|v| = 1``:
@@ -23,9 +23,7 @@ ignored.
 
 .. [1] Gong, X., Gain, J., Rohmer, D., Lyonnet, S., Pettré, J. & Cani, M.-P. (2025). Herds from video: learning a
    microscopic herd model from macroscopic motion data. Computer Graphics Forum 44(6), e70225.
-.. [2] Vicsek, T., Czirók, A., Ben-Jacob, E., Cohen, I. & Shochet, O. (1995). Novel type of phase transition in a
-   system of self-driven particles. Physical Review Letters 75(6), 1226-1229.
-.. [3] Espmark, Y. & Kinderås, K. (2002). Behavioural lateralisation in reindeer. Rangifer 22(1), 51-58.
+.. [2] Espmark, Y. & Kinderås, K. (2002). Behavioural lateralisation in reindeer. Rangifer 22(1), 51-58.
 """
 
 from __future__ import annotations
@@ -45,10 +43,9 @@ from flockbrush.behaviours.behaviour import (
     who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.wander import how_far, how_long, wander
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, splat8, store, total
-from flockbrush.engine.maths import sincos_
-from flockbrush.engine.noise import normal_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
 from pydantic import Field
@@ -119,14 +116,8 @@ class Params(Parameters):
     turn_bias: float = quantity(
         0.0, "rad/s", "steady turning to the left; negative: to the right (0 in the paper); steadies mills", -10, 10
     )
-    wander: float = quantity(
-        0.0,
-        "rad/√s",
-        "random turning: standard deviation of the heading after 1 s (0 in the paper); loosens jams",
-        0,
-        10,
-        chance=True,
-    )
+    wander: float = how_far(0.0, " (0 in the paper); loosens jams")
+    wander_time: float = how_long()
 
     sliders: ClassVar = {
         "tightness": DesignerSlider(
@@ -213,8 +204,7 @@ def _wandering(scene, i, p, reasons):
     before = scaled(unit(reasons), 1.0)
     direction = np.zeros((1, 3))
     direction[0, :2] = start = sum(before.values())
-    rows, drift = np.array([i], np.int32), p.wander * np.sqrt(scene.dt)
-    wander_kernel(0, 1, rows, scene.ids, scene.key("wander"), drift, direction)
+    wander(scene, np.array([i], np.int32), p, direction)
     return before | {"wander": direction[0, :2] - start}
 
 
@@ -273,9 +263,7 @@ def steer(scene, rows, p):
     if seen is None:
         kernel, seen = herd_kernel, ByRow(s.first, s.near, s.offset)
     over_rows(kernel, len(rows), rows, s.dt, herd, seen, land, forces_of(p), direction)
-    if p.wander > 0.0:
-        drift = p.wander * np.sqrt(s.dt)
-        over_rows(wander_kernel, len(rows), rows, s.ids, s.key("wander"), drift, direction)
+    wander(s, rows, p, direction)
     return Wishes(direction, pace)
 
 
@@ -471,12 +459,3 @@ def _from_here(x, y, fx, fy):
 def _gaussian(d2, bearing2, radial, angular):
     """Weights in distance and bearing (eqs. 4 and 5)."""
     return exponential(splat8(0.0) - fused(d2, splat8(radial), bearing2 * angular))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def wander_kernel(lo, hi, rows, ids, key, drift, direction):
-    """Turn each heading by chance, ``drift`` radians on average (root mean square)."""
-    for k in range(lo, hi):
-        sine, cosine = sincos_(drift * normal_(key, ids[rows[k]], 0))
-        x, y = direction[k, 0], direction[k, 1]
-        direction[k, 0], direction[k, 1] = cosine * x - sine * y, sine * x + cosine * y

@@ -31,8 +31,8 @@ from flockbrush.behaviours.behaviour import (
     share_guided,
     who_is_guided,
 )
-from flockbrush.behaviours.models.herd import wander_kernel
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.wander import how_far, how_long, wander
 from flockbrush.engine.lane_maths import exponential, lane_function
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, total, where
 from flockbrush.engine.maths import sincos_
@@ -60,9 +60,8 @@ class Params(Parameters):
         0.5, "1/s", "how firmly an animal keeps to its own speed (α); 0: forces only turn it", 0, 100
     )
     max_turn: float = quantity(10.0, "rad/s", "fastest turn by forces", 0.01, 200)
-    wander: float = quantity(
-        0.15, "rad/√s", "random turning: standard deviation of the heading after 1 s", 0, 10, chance=True
-    )
+    wander: float = how_far(0.15)
+    wander_time: float = how_long()
     guidance_weight: float = quantity(6.0, "body lengths/s²", "force of a guide on animals that follow it", 0, 1000)
     guided: Guided = who_is_guided("share", "all, a share, or only appointed ones; front: none in this model")
     guided_share: float = share_guided()
@@ -157,8 +156,7 @@ def _steer(s, rows, p, direction, pace):
     animals = _Animals(s.forward, s.length, s.species, s.velocity, s.leader, s.guidance)
     others, walls = ByRow(s.first, s.near, s.offset), ByRow(s.obstacle_first, s.near[:0], s.obstacle_offset)
     over_rows(_turn, len(rows), rows, animals, others, walls, forces, direction, pace)
-    if p.wander > 0.0:
-        over_rows(wander_kernel, len(rows), rows, s.ids, s.key("wander"), p.wander * np.sqrt(s.dt), direction)
+    wander(s, rows, p, direction)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

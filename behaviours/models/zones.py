@@ -37,8 +37,8 @@ from flockbrush.behaviours.behaviour import (
     share_guided,
     who_is_guided,
 )
-from flockbrush.behaviours.models.herd import wander_kernel
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.wander import how_far, how_long, wander
 from flockbrush.engine.maths import atan2_, kernel_function, sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
@@ -60,9 +60,8 @@ class Params(Parameters):
         90.0, "degrees", "angle behind in which others neither orient nor attract it (360° - α)", 0, 360
     )
     max_turn: float = quantity(0.7, "rad/s", "fastest turn towards the wished direction (θ)", 0.01, 200)
-    wander: float = quantity(
-        0.16, "rad/√s", "random turning: standard deviation of the heading after 1 s (σ)", 0, 10, chance=True
-    )
+    wander: float = how_far(0.16, " (σ)")
+    wander_time: float = how_long()
     guidance_weight: float = quantity(0.5, "1", "weight of a guide against the other animals (ω)", 0, 100)
     guided: Guided = who_is_guided("share", "all, a share, or only appointed ones; front: none in this model")
     guided_share: float = share_guided()
@@ -184,8 +183,7 @@ def _zones_of(s, rows, p, direction):
     animals = _Animals(s.forward, s.length, s.species, s.leader, s.guidance)
     others, walls = ByRow(s.first, s.near, s.offset), ByRow(s.obstacle_first, s.near[:0], s.obstacle_offset)
     over_rows(_turn, len(rows), rows, animals, others, walls, zones, direction)
-    if p.wander > 0.0:
-        over_rows(wander_kernel, len(rows), rows, s.ids, s.key("wander"), p.wander * np.sqrt(s.dt), direction)
+    wander(s, rows, p, direction)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -11,6 +11,7 @@ import numpy as np
 
 from flockbrush.behaviours.behaviour import Behaviour, behaviours
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
+from flockbrush.behaviours.wander import lasting
 from flockbrush.engine.files import refused
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import SHORTEST, Battery
@@ -19,7 +20,7 @@ from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.learned_parameters import Attempt, Learned
 from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, scales_of
-from flockbrush.learning.model_search import STEP, WIDE_STEP, ModelSetting, first_shape, refined, speed_by
+from flockbrush.learning.model_search import CHANCE, STEP, WIDE_STEP, ModelSetting, first_shape, refined, speed_by
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import LEAST, MOST, NAMES, theta_of
@@ -59,10 +60,11 @@ def _by_simulation(model: Behaviour) -> bool:
 
 
 def wander_of(spread: float, blocks: TurnBlocks) -> float:
-    """How much animals wander, rad/√s, by what a fit leaves over beyond the noise of headings."""
+    """How much animals wander, rad/√s, for `wandering`: by what a fit leaves over beyond the noise of headings."""
     ticks = np.concatenate([turns.ticks for turns in blocks.reference])
     own = math.sqrt(max(spread**2 - blocks.noise**2, 0.0))
-    found = WIDER * own / math.sqrt(max(float(ticks.mean()) * blocks.reference[0].dt, 1e-9))
+    span = max(float(ticks.mean()) * blocks.reference[0].dt, 1e-9)
+    found = WIDER * own / math.sqrt(span * float(lasting(span, CHANCE["wander_time"][0])))
     return float(np.clip(found, 0.0, MOST_WANDER)) if found > QUIET else 0.0
 
 
@@ -98,7 +100,7 @@ def learned_model(
     slopes = Slopes(blocks.train(vision), kind.behaviour, kind.numbers, params)
     x = place(kind.numbers, params)
     information, spread = _information(slopes, x)
-    params = params.model_copy(update=_chance(params, wander_of(spread, blocks)))
+    params = wandering(params, wander_of(spread, blocks))
     numbers = {**kind.numbers, **kind.untold}
     steps = NextSteps(thinned(slopes.steps.turns, PACES))
     given = ModelSetting.of_model(clips, params, vision, numbers, not blocks.deflected, steps)
@@ -115,8 +117,15 @@ def learned_model(
     return _as_learned(kind, given, x, information, start, stopped)
 
 
-def _chance(params, wander):
-    return {"wander": wander} if "wander" in type(params).model_fields else {}
+def wandering(params, wander: float):
+    """Parameters with this wander, of turns that last as shortly as is searched for, if the model has any."""
+    found = {"wander": wander, "wander_time": CHANCE["wander_time"][0]}
+    return params.model_copy(update={name: found[name] for name in chance_of(params)})
+
+
+def chance_of(params) -> dict[str, float]:
+    """How parameters turn animals at random."""
+    return {name: getattr(params, name) for name in CHANCE if name in type(params).model_fields}
 
 
 def _information(slopes: Slopes, x):
@@ -130,7 +139,7 @@ def _information(slopes: Slopes, x):
 def _as_learned(kind: Likelihood, given: ModelSetting, x, information, start, stopped) -> Learned:
     names, deviation, params = tuple(kind.numbers), cramer_rao(information), given.params(start.theta)
     told = (deviation < SURE) & (x > 0.005) & (x < 0.995)
-    extras = _chance(params, getattr(params, "wander", 0.0))
+    extras = chance_of(params)
     correlation, theta, spread = correlation_of(information), x, np.zeros(len(x))
     scales: np.ndarray | None = scales_of(kind.numbers, x)
     if set(names) <= set(NAMES):  # the herd's twelve, of which those of obstacles keep their defaults
@@ -189,7 +198,7 @@ def _simulated_fit(clips, model: Behaviour, seed, how) -> Learned:
     notes = [f"model {model.name}: it has no likelihood; fitted by simulation, which identifies no single parameter"]
     d = len(numbers)
     return Learned(
-        params, given.speed, given.body, SEES, x, _chance(params, getattr(params, "wander", 0.0)), [start], 0,
+        params, given.speed, given.body, SEES, x, chance_of(params), [start], 0,
         np.zeros(d), None, np.zeros(d, bool), start.figures, notes, stopped, None, model.name, tuple(numbers),
         model.name, scales_of(numbers, x),
     )  # fmt: skip
@@ -216,6 +225,6 @@ def add_distances(rows: list[ModelRow], clips: Sequence[Evidence], seed: int = 0
     battery, speed, body = Battery.of(held), speed_of(seen), body_of(seen)
     for row in rows:
         params = row.halves[-1]
-        params = params.model_copy(update=_chance(params, wander_of(row.spread, blocks)))
+        params = wandering(params, wander_of(row.spread, blocks))
         own = speed_by(NextSteps(thinned(blocks.train(row.vision), PACES)), params, speed)
         row.distance = distance_of(battery, HerdParts(params, own, body, row.vision), range(seed, seed + RUNS))

@@ -38,7 +38,7 @@ STEP, WIDE_STEP = 0.1, 0.2  # of ranges, from a fit and from defaults: standard 
 PATIENCE = 3  # generations, after which a hopeless search ends
 SEEDS, LAST_SEEDS = 2, 3  # runs of a candidate, and of those that are chosen from
 LONG = 10.0  # s, about: a trial beyond the clip
-WANDER = {"wander": (0.02, 2.5)}  # rad/√s
+CHANCE = {"wander": (0.02, 2.5), "wander_time": EXTRAS["wander_time"]}  # rad/√s, s
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class ModelSetting(Setting):
     @classmethod
     def of_model(cls, clips: Sequence[Evidence], base, view, numbers, discs=False, steps=None) -> ModelSetting:
         """Of these clips; bodies may be ``discs``, and a model that wanders is searched for its wander, too."""
-        numbers = dict(numbers) | (WANDER if "wander" in type(base).model_fields else {})
+        numbers = dict(numbers) | {name: CHANCE[name] for name in type(base).model_fields if name in CHANCE}
         given = Setting.of(clips, SearchSettings(body=body_of(list(clips), discs)))
         return cls(**vars(given), view=view, base=base, numbers=numbers, steps=steps)
 

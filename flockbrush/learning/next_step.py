@@ -148,7 +148,7 @@ def wrapped(angle) -> np.ndarray:
     return angle - 2 * np.pi * np.round(angle / (2 * np.pi))
 
 
-def _no_chance(stream):
+def _no_chance(stream, tick=0):
     raise AssertionError(f"a model asked for chance ({stream}) where it has none")
 
 

@@ -260,8 +260,9 @@ class _Search:
         tasks = [{"theta": a.theta.tolist(), "extras": a.extras, "seed": seed} for a in parents]
         for k, parent, found in zip(which, parents, workers.map(wandering, tasks), strict=True):
             for factor in WANDERING if 0.0 < found["wander"] < MOST_WANDER else ():
-                extras = parent.extras | {"wander": factor * found["wander"]}
-                new = dataclasses.replace(parent, name=f"{parent.name}, wandering {factor:g}", extras=extras)
+                extras = parent.extras | {"wander": factor * found["wander"], "wander_time": found["wander_time"]}
+                name, theta = f"{parent.name}, wandering {factor:g}", np.array(found["theta"])
+                new = dataclasses.replace(parent, name=name, theta=theta, extras=extras)
                 self._add(new, self.deviation.get(k), self.correlation.get(k))
 
     def _add_found(self, attempt, found):

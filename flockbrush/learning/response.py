@@ -12,6 +12,8 @@ References
 ----------
 .. [1] Gelman, A., Meng, X.-L. & Stern, H. (1996). Posterior predictive assessment of model fitness via realized
    discrepancies. Statistica Sinica 6, 733-807.
+.. [2] Gouriéroux, C., Monfort, A. & Renault, E. (1993). Indirect inference. Journal of Applied Econometrics 8,
+   S85-S118.
 """
 
 from __future__ import annotations
@@ -94,9 +96,11 @@ def response(
     ]
 
 
-def scatters(clip: Evidence, brush, run: Run, turns: Callable[[], Turns | None]) -> tuple[float, float] | None:
+def scatters(
+    clip: Evidence, brush, run: Run, turns: Callable[[], Turns | None], span: float = SPAN
+) -> tuple[float, float] | None:
     """Scatter of turns of a clip (as for `response`) and of a run about what the brush foretells, rad; None if few."""
-    both = turns(), turns_seen(clip, _seen(run, clip), brush)
+    both = turns(), turns_seen(clip, _seen(run, clip), brush, span)
     known = [seen for seen in both if seen is not None and len(seen.rows) >= FEWEST]
     if len(known) < len(both):
         return None
@@ -105,23 +109,39 @@ def scatters(clip: Evidence, brush, run: Run, turns: Callable[[], Turns | None])
     return mine, theirs
 
 
+def correction(clip: Evidence, brush, runs: Sequence[Run], turns: Callable[[], Turns | None]) -> np.ndarray | None:
+    """By how much to change the nine numbers of a herd so that runs answer to neighbours as the clip does, (9,).
+
+    Turns that last and noise hide a part of the answer, in runs as in the clip; numbers that were fitted to a clip are
+    off by that part (indirect inference [2]_, one step). None if too few turns are seen.
+    """
+    mine = _answer(clip.sightings, brush, turns())
+    theirs = [_answer_of_run(run, clip, brush) for run in runs]
+    if mine is None or any(other is None for other in theirs):
+        return None
+    values, vectors = np.linalg.eigh(np.mean([a.gram for a in (mine, *theirs)], axis=0))
+    told = values > max(FAINTEST * values.max(), 0.0)
+    more = mine.pull - np.mean([a.pull for a in theirs], axis=0)
+    return vectors[:, told] @ ((more @ vectors[:, told]) / values[told])
+
+
 def _answer_of_run(run, clip, brush):
     seen = _seen(run, clip)
     return _answer(seen, brush, turns_seen(clip, seen, brush))
 
 
-def turns_seen(clip: Evidence, seen: Sightings | None, brush) -> Turns | None:
-    """The turns in sightings, of the clip or of a run, at those moments that are looked at."""
+def turns_seen(clip: Evidence, seen: Sightings | None, brush, span: float = SPAN) -> Turns | None:
+    """The turns in sightings, of the clip or of a run, over a span (s), at those moments that are looked at."""
     if seen is None or clip.sightings is None:
         return None
-    ahead = max(1, round(SPAN * clip.fps))
+    ahead = max(1, round(span * clip.fps))
     every = max(1, len(clip.fields) // LOOKS, -(-len(clip.sightings.xy) // MANY))
     frames = range(0, len(clip.fields) - ahead, every)
     same = replace(clip, sightings=_stepped(seen, clip.fps, ahead))
     rules = brush.params
     if type(rules) is not Params:  # nobody leads
         rules = Params(neighbour_range=min(brush.vision.range, FARTHEST), leader_neighbours=-1)
-    return turns_of(same, brush.body, brush.vision, rules, span=SPAN, frames=frames) if len(frames) else None
+    return turns_of(same, brush.body, brush.vision, rules, span=span, frames=frames) if len(frames) else None
 
 
 def _answer(seen, brush, turns):

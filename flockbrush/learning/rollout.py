@@ -26,7 +26,8 @@ from scipy import ndimage
 
 from flockbrush.behaviours.behaviour import ByRow, Parameters, frozen, read_only
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
-from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel, wander_kernel
+from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel
+from flockbrush.behaviours.wander import random_turns, wander_kernel
 from flockbrush.engine.noise import Noise
 from flockbrush.film.observations import AT_EDGE
 from flockbrush.learning.perceive import NO_OWNER, cosine_of, half_and_radius, leader_rule, walls_in_sight
@@ -404,8 +405,9 @@ class PlaneHerd:
         land = Land(read_only(walls_first), read_only(walls_offset), guidance, shown.zero)
         herd_kernel(0, n, rows, self.dt, herd, frozen(ByRow(*lists)), land, self.forces, direction)
         if params.wander > 0.0:
-            key = self.noise.key("wander", self.tick_number)
-            wander_kernel(0, n, rows, shown.ids, key, params.wander * np.sqrt(self.dt), direction)
+            when = self.dt, self.tick_number, self.noise.key
+            turns = random_turns(params.wander, params.wander_time, *when)
+            wander_kernel(0, n, rows, shown.ids, *turns, direction)
         wish[rows] = direction
         return wish
 

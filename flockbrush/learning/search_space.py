@@ -18,7 +18,12 @@ ABSENT = np.array([0.15, 0.3])  # of broad draws have no cohesion, and no alignm
 MILLS = 0.5  # least milling of a herd that mills
 BROAD_TURNS = 0.1, 1.2  # decimal logarithms of rad/s: limits of turning of broad draws
 LIMITS = 0.8, 0.9, 0.96, 0.99  # of all turns are slower than a limit of turning that is tried
-EXTRAS = {"wander": (0.01, 3.0), "max_turn": (0.4, 20.0), "sensitivity": (0.05, 100.0)}  # freed, on a logarithmic scale
+EXTRAS = {  # freed, on a logarithmic scale
+    "wander": (0.01, 3.0),
+    "wander_time": (0.125, 2.0),
+    "max_turn": (0.4, 20.0),
+    "sensitivity": (0.05, 100.0),
+}
 
 
 def rescaled(theta, extras):
@@ -101,7 +106,10 @@ def _broad_draw(rng):
 def _extras_of(params):
     """What a brush says besides the twelve numbers and differs from the defaults in."""
     usual = type(params)()
-    kept = ("neighbour_range", "wander", "max_turn", "sensitivity", "leader_neighbours", "leader_cone", "unled")
+    kept = (
+        "neighbour_range", "wander", "wander_time", "max_turn", "sensitivity", "leader_neighbours", "leader_cone",
+        "unled",
+    )  # fmt: skip
     return {name: getattr(params, name) for name in kept if getattr(params, name) != getattr(usual, name)} | {
         "neighbour_range": params.neighbour_range, "wander": params.wander,
     }  # fmt: skip
@@ -154,6 +162,6 @@ class Code:
         low, high = EXTRAS["sensitivity"]
         by[0:9:3, few + names.index("sensitivity")] = self.theta[0:9:3] * np.log(high / low)
         most = np.full(d, step)
-        most[[few + names.index(name) for name in ("wander", "max_turn")]] = STEP_OF_EXTRAS
+        most[[few + names.index(name) for name in names if name != "sensitivity"]] = STEP_OF_EXTRAS
         told = by.T @ stiffness @ by / RESPONSE_STEP**2
         return np.linalg.inv(told + np.diag(most**-2.0)) / step**2

@@ -13,14 +13,15 @@ from types import SimpleNamespace
 import numpy as np
 
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
+from flockbrush.behaviours.wander import lasting
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import SHORTEST, Battery
 from flockbrush.learning.confounding import correlation_of
 from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import body_of, resized, speed_of, start_of
 from flockbrush.learning.interaction import interaction_of
-from flockbrush.learning.response import SPAN, response, scatters, turns_seen
-from flockbrush.learning.rollout import DT, Surroundings, params_of, rollout
+from flockbrush.learning.response import SPAN, correction, response, scatters, turns_seen
+from flockbrush.learning.rollout import DT, LEAST, MOST, Surroundings, params_of, rollout
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
@@ -45,6 +46,10 @@ LONG_SPAN = 0.2  # s over which a turn is taken in first fits: less disturbed by
 OFF = "of its limit, "  # before the name of a measure of the battery: how many limits a herd is off
 LIMIT = 2.0  # deviations that count as much as a limit of the battery
 MOST_WANDER, WANDERS = 2.5, 1.5  # rad/√s; s of a herd by which it is found
+TURN_SPANS = SPAN, 0.5  # s over which random turns are looked at
+WANDER_TIMES = np.geomspace(0.125, 2.0, 33)  # s for which random turns may go on: two coarse ticks or more
+CLOSER = 3  # times that random turns are corrected
+ANSWERS = 2  # runs by which numbers are corrected
 COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of a level
 STAY = 20.0  # s
 OTHER_NUMBERS = 0.25, 4.0  # factors of the number of animals
@@ -174,28 +179,49 @@ def _descend_on_turns(given, theta, extras, rows, span):
 
 
 def wandering(given: Setting, theta, extras, seed):
-    """{wander}, rad/√s, by which turns scatter about what these forces say as those of the clips do.
+    """{wander, wander_time}, rad/√s and s, by which turns scatter about these forces as those of the clips do.
 
-    Two herds are observed as the clips are, one that does not wander and one that does: the variance of turns grows
-    with the square of wander.
+    Herds are observed as the clips are, one that does not wander and others that do: the variance of turns grows
+    with the square of wander, and with the span over which they are looked at as random turns last
+    (`flockbrush.behaviours.wander.lasting`).
     """
-    parts = [_beginning(clip) for clip in given.seen]
+    parts, time = [_beginning(clip) for clip in given.seen], float(WANDER_TIMES[0])
 
-    def variances(wander):
-        brush, pairs = given.brush(theta, extras | {"wander": wander}), []
+    def variances(wander, time):
+        """(2 spans, 2): of the clips, and of a herd that wanders so much."""
+        brush, found = given.brush(theta, extras | {"wander": wander, "wander_time": time}), []
         for k, clip in enumerate(parts):
             run = simulate(clip, brush.params, brush.speed, given.body, brush.vision, [seed, k, 3], dt=COARSE_DT)
-            pairs.append(scatters(clip, brush, run, _turns_seen(clip, brush)))
-        known = [pair for pair in pairs if pair is not None]
-        return np.mean(np.square(known), axis=0) if known else np.zeros(2)
+            found.append([scatters(clip, brush, run, _turns_seen(clip, brush, span), span) for span in TURN_SPANS])
+        known = [pairs for pairs in found if None not in pairs]
+        return np.mean(np.square(known), axis=0) if known else np.zeros((2, 2))
 
-    clip, still = variances(0.0)
-    if still >= clip:
-        return {"wander": 0.0}
-    first = min(float(np.sqrt((clip - still) / SPAN)), MOST_WANDER)
-    clip, moved = variances(first)
-    grown = max(clip - still, 0.0) / max(moved - still, 1e-9)
-    return {"wander": float(min(first * np.sqrt(grown), MOST_WANDER))}
+    clip, still = variances(0.0, time).T
+    left = np.maximum(clip - still, 0.0)
+    if not left[0] > 0.0:
+        return {"wander": 0.0, "wander_time": time, "theta": list(theta)}
+    wander = min(float(np.sqrt(left[0] / TURN_SPANS[0])), MOST_WANDER)
+    shares = np.array([lasting(TURN_SPANS, time) for time in WANDER_TIMES])
+    for _ in range(CLOSER):  # forces act against turns that last longer by more
+        more = left / np.maximum(variances(wander, time)[:, 1] - still, 1e-9)
+        now = lasting(TURN_SPANS, time)
+        time = float(np.interp(more[1] / more[0] * now[1] / now[0], shares[:, 1] / shares[:, 0], WANDER_TIMES))
+        wander = min(float(wander * np.sqrt(more[0] * now[0] / lasting(TURN_SPANS[0], time))), MOST_WANDER)
+    chance = {"wander": wander, "wander_time": time}
+    return chance | {"theta": _answering(given, theta, extras | chance, seed)}
+
+
+def _answering(given, theta, extras, seed):
+    """The numbers, changed so that herds turn in answer to their neighbours as the animals of the clips do."""
+    theta, brush, steps = np.array(theta, float), given.brush(theta, extras), []
+    for k, clip in enumerate(_beginning(clip) for clip in given.seen):
+        how = clip, brush.params, brush.speed, given.body, brush.vision
+        runs = [simulate(*how, [seed, k, 4 + run], dt=COARSE_DT) for run in range(ANSWERS)]
+        steps.append(correction(clip, brush, runs, _turns_seen(clip, brush)))
+    known = [step for step in steps if step is not None]
+    if known:
+        theta[:9] = np.clip(theta[:9] + np.mean(known, axis=0), LEAST, MOST)
+    return theta.tolist()
 
 
 def _beginning(clip):
@@ -352,11 +378,11 @@ def _of_limits(given, clip, theta, extras, run):
     return {OFF + name: far for name, far in _not_ignored(given, {row.name: row.far for row in rows}).items()}
 
 
-def _turns_seen(clip, brush):
+def _turns_seen(clip, brush, span=SPAN):
     """A function that gives the turns seen in a clip; they hang on no other numbers of the brush than these."""
     params = brush.params
-    sight = "turns", brush.vision, *(getattr(params, name, None) for name in RULES)
-    return lambda: _kept(sight, clip, lambda: turns_seen(clip, clip.sightings, brush))
+    sight = "turns", span, brush.vision, *(getattr(params, name, None) for name in RULES)
+    return lambda: _kept(sight, clip, lambda: turns_seen(clip, clip.sightings, brush, span))
 
 
 def _not_ignored(given, parts):

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.behaviours.models.herd import Params
+from flockbrush.behaviours.wander import usual_turn
 from flockbrush.engine.parallel import over_rows
 from flockbrush.film.missing_animals import trust
 from flockbrush.learning.normal_equations import normal_equations
@@ -34,6 +35,7 @@ FORCES = 9  # of the twelve numbers: without those of obstacles
 SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
 SPAN = 0.1  # s over which a turn is observed where frames are closer.  By trial: see docs/learning.md
 STILL = 1e-6  # rad
+ENOUGH, NEAR = 0.25, 4.0  # of the sightings, and BL: if fewer have all in sight in the picture, less must be there
 PAIRS = 1_500_000  # visible neighbours that are looked at in a step, at most; of more frames every second or third
 
 
@@ -103,14 +105,22 @@ def turns_of(
     parts = [_seen_turns(seen, t, ahead, evidence.fps) for t in chosen]
     percept = together([looks[t] for t in chosen])
     turn, seconds = (np.concatenate(column) for column in zip(*parts, strict=True))
-    rows = np.flatnonzero(
-        np.isfinite(turn) & (percept.leader == 0) & is_inside(evidence, chosen, params.neighbour_range)
-    )
+    inside = _inside(evidence, chosen, params.neighbour_range)
+    rows = np.flatnonzero(np.isfinite(turn) & (percept.leader == 0) & inside)
     velocity, spin = _motion(seen, chosen)
     half, radius = half_and_radius(body)
     around = np.concatenate([seen.neighbours_seen[seen.of(t)] for t in chosen])[rows]
     weight = _at_liberty(percept, rows, turn[rows], half, radius) * trust(around)
     return Turns(percept, velocity, spin, rows, seconds[rows] / dt, turn[rows], weight, half, radius, dt)
+
+
+def _inside(evidence, frames, reach):
+    """Whose surroundings are seen as far as it sees itself; not so far where only a few would be left."""
+    inside = is_inside(evidence, frames, reach)
+    while inside.mean() < ENOUGH and reach > NEAR:
+        reach = max(0.5 * reach, NEAR)
+        inside = is_inside(evidence, frames, reach)
+    return inside
 
 
 def seen_otherwise(turns: Turns, evidence, frames, body, vision, params) -> Turns:
@@ -194,7 +204,7 @@ def predicted(turns: Turns, theta, params=None, sloped=True):
     params = params or Params()
     k = len(turns.rows)
     turn, slope = np.empty(k), np.empty((k, 12) if sloped else (0, 0, 12))
-    limit, drift = params.max_turn * turns.dt, params.wander * turns.dt**0.5
+    limit, drift = params.max_turn * turns.dt, usual_turn(params.wander, params.wander_time, turns.dt)
     law = TurnLaw(params.sensitivity, params.neighbour_range, limit, drift, params.turn_bias * turns.dt)
     spun = np.empty((len(turns.spin), 2))
     spin_kernel(turns.spin * turns.dt, spun)

@@ -180,6 +180,19 @@ def test_a_film_that_holds_the_whole_herd_tells_all_turns_wherever_the_camera_ne
     assert found["cut"] <= found["region"] < found["whole"]
 
 
+@pytest.mark.parametrize("reach", [4.0, 8.0, 16.0])
+def test_a_film_of_part_of_a_herd_leaves_turns_to_animals_that_see_far(reach):
+    """Of 16 body lengths around nobody all would be in the picture."""
+    seen = evidence_of_truth(herd("school", 60, 2.0, seed=4))
+    xy = seen.sightings.xy
+    ground = np.zeros_like(seen.fields.seen)
+    at = np.floor((np.quantile(xy, [0.2, 0.8], axis=0) - seen.fields.origin) / seen.fields.cell).astype(int)
+    ground[:, at[0, 1] - 5 : at[1, 1] + 5, at[0, 0] - 5 : at[1, 0] + 5] = True
+    cut = replace(seen, fields=replace(seen.fields, seen=ground, at_edge=None))
+    turns = turns_of(cut, params=Params(neighbour_range=reach, leader_neighbours=-1))
+    assert len(turns.rows) > 0.25 * len(turns_of(seen, params=Params(leader_neighbours=-1)).rows)
+
+
 def test_several_clips_are_learned_as_one():
     one = march()
     both = all_turns([one, None, one])
