@@ -341,7 +341,7 @@ def _judged(fold: Fold, found: Findings, wishes, interrupts):
 
 
 def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Findings:
-    """The numbers fitted to all frames, begun with those of the folds, if they do as well; else the first fold's.
+    """The numbers fitted to all frames, begun with those of the folds; the first fold's if these do better there.
 
     Their judgement is that of the folds, whose brushes were learned without the frames they are judged by; the first
     fold's brush keeps its own.
@@ -357,15 +357,16 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), begins=begins)
     again = _found(herd, Fold(wholes, first.held), learned, wishes)
     alone = replace(wishes, beside=False)
-    checks = [_judged(Fold([whole], None), again, alone, interrupts) for whole in wholes]
-    if interrupts.asked or any(check is None for check in checks):
+    checks, theirs = (
+        [_judged(Fold([whole], None), found, alone, interrupts) for whole in wholes] for found in (again, first)
+    )
+    if interrupts.asked or None in (*checks, *theirs):
         return first
     _refuse_strangers(wholes, checks, herd)
-    own, theirs = (len(j.missed) for j in (combined(checks), together))
     parts = (
         "each clip" if len(wholes) > 1 else f"{len(judged)} parts of the clip" if len(judged) > 1 else "the second part"
     )
-    if own > theirs:
+    if len(combined(checks).missed) > len(combined(theirs).missed):
         first.notes = [
             f"Tested on {parts} in turn; a fit to all frames was worse, so the first of these fits was saved, with its "
             "own verdict."

@@ -71,6 +71,24 @@ def test_the_held_out_table_shows_the_brush_that_knew_nothing_of_these_frames(cl
     assert found.counts[-1]["polarization"] < 0.5  # other numbers of animals: the brush of the file
 
 
+@pytest.mark.parametrize("begun", ["march", "swarm"])
+def test_a_fit_to_all_frames_is_saved_unless_the_first_does_better(begun, clips, march, monkeypatch, tmp_path):
+    """Which of the two is the fit to all frames is turned round; the frames are of a march."""
+    clip, swarm = clips["march"], flockbrush.shipped().get("swarm")
+    verdicts = {brush.name: judge(clip, brush, {}, runs=2) for brush in (march, swarm)}
+    one, other = (march, swarm) if begun == "march" else (swarm, march)
+    first = Findings(one, [clip], clip, learned_as(one), clip, judgement=verdicts[one.name])
+    refit = Findings(other, [clip], clip, learned_as(other), clip)
+    monkeypatch.setattr(learning, "_learned", lambda *_, **__: refit.learned)
+    monkeypatch.setattr(learning, "_found", lambda *_: refit)
+    monkeypatch.setattr(learning, "_judged", lambda _, found, *__: verdicts[found.brush.name])
+    wishes = LearnOptions([tmp_path / "a.mp4"], tmp_path / "a.brush.toml")
+    task = BrushTask(wishes.out, [SimpleNamespace(whole=clip)])
+    found = _refitted(task, [first, first], wishes, SimpleNamespace(asked=0))
+    assert found.brush is march and found.judgement.kind == verdicts[one.name].kind
+    assert ("a fit to all frames was worse" in found.notes[0]) == (begun == "march")
+
+
 @pytest.mark.parametrize("quick", [False, True])
 def test_the_report_says_from_which_starts_a_brush_holds(clips, march, monkeypatch, tmp_path, quick):
     row = {"start": "ring", "words": "a turning ring", "animals": 30, "polarization": [0.98, 0.2], "milling": [0.1] * 2}
