@@ -115,12 +115,13 @@ def test_the_nearest_few_are_those_that_the_sight_keeps():
         assert set(seen.near[seen.first[row] : seen.first[row + 1]]) == set(np.argsort(far[row])[1:6])
 
 
-@pytest.mark.parametrize("dt", [1 / 32, 1 / 16])
-def test_a_herd_in_a_world_goes_as_one_without(dt):
+@pytest.mark.parametrize(("dt", "wander_time"), [(1 / 32, 0.0), (1 / 16, 0.0), (1 / 32, 0.3)])
+def test_a_herd_in_a_world_goes_as_one_without(dt, wander_time):
     """The kernels of a run without a world are the oracle of one with."""
     rng, brush = np.random.default_rng(5), TRUTHS["herd"]
     start = HerdStart(rng.uniform(0, 6, (20, 2)), np.tile([1.0, 0.0], (20, 1)), np.full(20, 2.0))
-    parts = start, brush.params, brush.speed, brush.body, brush.vision
+    params = brush.params.model_copy(update={"wander": 0.3, "wander_time": wander_time})
+    parts = start, params, brush.speed, brush.body, brush.vision
     run, looks = rollout(*parts, seconds=1.0, fps=10, seed=4, dt=dt), world_looks(*parts, 1.0, 10, 4, dt=dt)
     for t, (ids, xy, forward, _) in enumerate(looks):
         assert len(ids) == 20

@@ -39,7 +39,14 @@ MODELS = ["herd", "flee", "hunt", "boids", "raptor", "v_rules", "line_formation"
 ASKED = [
     pytest.param(model, more, id=f"{model.name}-{more}")
     for model in EXPLAINED
-    for more in ({}, {"wander": 2.0}, {"unled": "keep"}, {"leader_blend": 0.4}, {"turn_bias": 1.0})
+    for more in (
+        {},
+        {"wander": 2.0},
+        {"wander": 2.0, "wander_time": 0.5},
+        {"unled": "keep"},
+        {"leader_blend": 0.4},
+        {"turn_bias": 1.0},
+    )
     if more.keys() <= model.Params.model_fields.keys()
 ]
 
