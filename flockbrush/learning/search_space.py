@@ -7,7 +7,7 @@ import numpy as np
 from flockbrush.behaviours.brush import shipped
 from flockbrush.learning.herd_views import followed
 from flockbrush.learning.rollout import LEAST, params_of, theta_of
-from flockbrush.learning.trials import SIGHTS
+from flockbrush.learning.trials import SIGHTS, WANDER_TIMES
 
 WEAK, STRONG = 0.15, 0.9  # smaller weights are enlarged and Ω reduced, larger ones the other way: only the product is
 #                           identifiable, and weights end at 1e-3 and 1
@@ -20,7 +20,7 @@ BROAD_TURNS = 0.1, 1.2  # decimal logarithms of rad/s: limits of turning of broa
 LIMITS = 0.8, 0.9, 0.96, 0.99  # of all turns are slower than a limit of turning that is tried
 EXTRAS = {  # freed, on a logarithmic scale
     "wander": (0.01, 3.0),
-    "wander_time": (0.125, 2.0),
+    "wander_time": (float(WANDER_TIMES[0]), float(WANDER_TIMES[-1])),
     "max_turn": (0.4, 20.0),
     "sensitivity": (0.05, 100.0),
 }

@@ -179,11 +179,11 @@ def _descend_on_turns(given, theta, extras, rows, span):
 
 
 def wandering(given: Setting, theta, extras, seed):
-    """{wander, wander_time}, rad/√s and s, by which turns scatter about these forces as those of the clips do.
+    """{wander, wander_time, theta}, rad/√s and s, by which turns scatter about forces as those of the clips do.
 
-    Herds are observed as the clips are, one that does not wander and others that do: the variance of turns grows
-    with the square of wander, and with the span over which they are looked at as random turns last
-    (`flockbrush.behaviours.wander.lasting`).
+    Forces are corrected for what random turns hide of them. Herds are observed as the clips are, one that does not
+    wander and others that do: the variance of turns grows with the square of wander, and with the span over which they
+    are looked at as random turns last (`flockbrush.behaviours.wander.lasting`).
     """
     parts, time = [_beginning(clip) for clip in given.seen], float(WANDER_TIMES[0])
 
@@ -220,7 +220,8 @@ def _answering(given, theta, extras, seed):
         steps.append(correction(clip, brush, runs, _turns_seen(clip, brush)))
     known = [step for step in steps if step is not None]
     if known:
-        theta[:9] = np.clip(theta[:9] + np.mean(known, axis=0), LEAST, MOST)
+        step = np.where(_free(given)[:9], np.mean(known, axis=0), 0.0)
+        theta[:9] = np.clip(theta[:9] + step, LEAST, MOST)
     return theta.tolist()
 
 

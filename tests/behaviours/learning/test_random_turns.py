@@ -10,7 +10,7 @@ from benchmarks.foreign_herds import Truth
 from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning.response import correction, turns_seen
 from flockbrush.learning.rollout import HerdStart, rollout, theta_of
-from flockbrush.learning.trials import SearchSettings, Setting, simulate, wandering
+from flockbrush.learning.trials import USE, SearchSettings, Setting, simulate, wandering
 
 ANIMALS, FPS = 120, 25.0
 
@@ -62,3 +62,12 @@ def test_numbers_that_random_turns_hide_are_corrected(factor):
     runs = [simulate(clip, wrong.params, brush.speed, brush.body, wrong.vision, seed) for seed in range(3)]
     step = correction(clip, wrong, runs, lambda: turns_seen(clip, clip.sightings, wrong))
     assert abs(off + step[6]) < 0.6 * abs(off)
+
+
+def test_numbers_that_an_ablation_holds_stay_as_they_are():
+    brush, sight = wanderers(0.4, 0.3)
+    theta, clip = theta_of(brush.params), seen(brush)
+    for use, held in ((USE, False), (USE - {"angular"}, True)):
+        setting = Setting.of((clip,), SearchSettings(speed=brush.speed, body=brush.body, use=use))
+        found = np.array(wandering(setting, theta, sight, 1)["theta"])
+        assert (found[2:9:3] == theta[2:9:3]).all() == held and found[0] != theta[0]
