@@ -4,9 +4,9 @@
 a turn of its own, as in most models since Vicsek et al. 1995 [1]_. Real animals keep turning to one side for a while:
 the rate at which they turn is correlated in time (the persistent turning walker of Gautrais et al. 2009 [2]_). With a
 ``wander_time`` τ the rate is a sum of normal numbers, one for each τ of the scene's time, each of which comes and goes
-like a half wave of 2 τ. Its variance is the same at all times, it is correlated over about τ, and over times that are
-longer than 2 τ headings spread as they do without it. The numbers depend on animal and time alone, so that nothing has
-to be remembered from tick to tick.
+like a half wave of 2 τ. Its variance is the same at all times, and it is correlated over about τ. From 2 τ on, the
+variance of headings grows as fast as it does without (`lasting`). The numbers depend on animal and time alone, so that
+nothing has to be remembered from tick to tick.
 
 References
 ----------

@@ -15,12 +15,12 @@ from flockbrush.learning.likelihood import likelihoods
 
 HALVES = Path(__file__).with_name("learning_halves.json")
 # brushes, and the clips that they were learned from
-LEARNED = {"school": "school, seed 23", "torus": "torus, seed 23", "mill": "mill"}
+LEARNED = {"school": "school, seed 23", "torus": "torus, seed 23", "mill": "mill", "flurry": "swarm, seed 23"}
 
 
 @cache
 def learned():
-    """Return {file: content} of march with topological sight, and of the models learned from two clips."""
+    """Return {file: content} of march with topological sight, and of what was learned from clips."""
     march, rows = shipped().get("march"), json.loads(HALVES.read_text())
     made = [march.model_copy(update={"name": "topological", "vision": VisionSpec(range=8.0, sight="topological")})]
     for name, clip in LEARNED.items():

@@ -60,7 +60,7 @@ def _by_simulation(model: Behaviour) -> bool:
 
 
 def wander_of(spread: float, blocks: TurnBlocks) -> float:
-    """How much animals wander, rad/√s, for `wandering`: by what a fit leaves over beyond the noise of headings."""
+    """How much animals wander, rad/√s, for `with_wander`: by what a fit leaves over beyond the noise of headings."""
     ticks = np.concatenate([turns.ticks for turns in blocks.reference])
     own = math.sqrt(max(spread**2 - blocks.noise**2, 0.0))
     span = max(float(ticks.mean()) * blocks.reference[0].dt, 1e-9)
@@ -100,7 +100,7 @@ def learned_model(
     slopes = Slopes(blocks.train(vision), kind.behaviour, kind.numbers, params)
     x = place(kind.numbers, params)
     information, spread = _information(slopes, x)
-    params = wandering(params, wander_of(spread, blocks))
+    params = with_wander(params, wander_of(spread, blocks))
     numbers = {**kind.numbers, **kind.untold}
     steps = NextSteps(thinned(slopes.steps.turns, PACES))
     given = ModelSetting.of_model(clips, params, vision, numbers, not blocks.deflected, steps)
@@ -117,7 +117,7 @@ def learned_model(
     return _as_learned(kind, given, x, information, start, stopped)
 
 
-def wandering(params, wander: float):
+def with_wander(params, wander: float):
     """Parameters with this wander, of turns that last as shortly as is searched for, if the model has any."""
     found = {"wander": wander, "wander_time": CHANCE["wander_time"][0]}
     return params.model_copy(update={name: found[name] for name in chance_of(params)})
@@ -225,6 +225,6 @@ def add_distances(rows: list[ModelRow], clips: Sequence[Evidence], seed: int = 0
     battery, speed, body = Battery.of(held), speed_of(seen), body_of(seen)
     for row in rows:
         params = row.halves[-1]
-        params = wandering(params, wander_of(row.spread, blocks))
+        params = with_wander(params, wander_of(row.spread, blocks))
         own = speed_by(NextSteps(thinned(blocks.train(row.vision), PACES)), params, speed)
         row.distance = distance_of(battery, HerdParts(params, own, body, row.vision), range(seed, seed + RUNS))

@@ -4,14 +4,16 @@
 2. **Starts**: some at random, the numbers of every shipped brush of the herd model that was not itself learned, and, of
    fields alone and photographs, draws that are only tried: a descent on fields gains little.
 3. **Descent** of each: on the turns of single animals where they are told apart (`flockbrush.learning.turns`), else on
-   the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).  The best fits to turns wander so much that
-   herds, observed as the clip is, scatter about what forces say as its animals do.
+   the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).  The best fits to turns wander so far
+   and for so long that herds, observed as the clip is, scatter about what forces say as its animals do, and their
+   forces are corrected for what these random turns hide.
 4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
    (`flockbrush.learning.scores`; of single animals by the limits of `flockbrush.learning.battery`, too): once as far
    as the clip goes, and the better third (of draws a sixth) well beyond, so that a mill must keep milling and not only
    begin as one.
-5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander, how
-   fast animals can turn and how fast they answer.  It begins with changes that leave the turns as likely as they are.
+5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander and
+   its time, how fast animals can turn and how fast they answer.  It begins with changes that leave the turns as likely
+   as they are.
 6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
    shown; and of the first of these, whether they stay what the clip is for 20 s more, and with a quarter and four
    times as many animals.

@@ -76,14 +76,13 @@ def response(
     theirs = [_answer_of_run(run, clip, brush) for run in runs]
     if mine is None or any(other is None for other in theirs):
         return []
-    values, vectors = np.linalg.eigh(np.mean([a.gram for a in (mine, *theirs)], axis=0))
-    told = values > max(FAINTEST * values.max(), 0.0)
-    if not told.any():
+    values, vectors = _told([mine, *theirs])
+    if not len(values):
         return []
-    whitened = vectors[:, told] / np.sqrt(values[told])  # a step of length 1 changes turns by 1 rad, root mean square
+    whitened = vectors / np.sqrt(values)  # a step of length 1 changes turns by 1 rad, root mean square
     asked, wished = mine.pull @ whitened, np.array([a.pull for a in theirs]) @ whitened
     of_runs, more = wished.mean(0), 1.0 + 1.0 / len(theirs)
-    chance = mine.scatter * np.sqrt(told.sum() / mine.turns * more)  # of so many numbers fitted to so many turns
+    chance = mine.scatter * np.sqrt(len(values) / mine.turns * more)  # of so many numbers fitted to so many turns
     scatters = np.array([a.scatter for a in theirs])
     between = scatters.std(ddof=1) if len(theirs) > 1 else 0.0
     rows = [
@@ -119,10 +118,16 @@ def correction(clip: Evidence, brush, runs: Sequence[Run], turns: Callable[[], T
     theirs = [_answer_of_run(run, clip, brush) for run in runs]
     if mine is None or any(other is None for other in theirs):
         return None
-    values, vectors = np.linalg.eigh(np.mean([a.gram for a in (mine, *theirs)], axis=0))
-    told = values > max(FAINTEST * values.max(), 0.0)
+    values, vectors = _told([mine, *theirs])
     more = mine.pull - np.mean([a.pull for a in theirs], axis=0)
-    return vectors[:, told] @ ((more @ vectors[:, told]) / values[told])
+    return vectors @ ((more @ vectors) / values)
+
+
+def _told(answers):
+    """Mean squares by which steps turn animals (k,), of the directions in which turns tell the numbers (d, k)."""
+    values, vectors = np.linalg.eigh(np.mean([a.gram for a in answers], axis=0))
+    told = values > max(FAINTEST * values.max(), 0.0)
+    return values[told], vectors[:, told]
 
 
 def _answer_of_run(run, clip, brush):

@@ -405,8 +405,7 @@ class PlaneHerd:
         land = Land(read_only(walls_first), read_only(walls_offset), guidance, shown.zero)
         herd_kernel(0, n, rows, self.dt, herd, frozen(ByRow(*lists)), land, self.forces, direction)
         if params.wander > 0.0:
-            when = self.dt, self.tick_number, self.noise.key
-            turns = random_turns(params.wander, params.wander_time, *when)
+            turns = random_turns(params.wander, params.wander_time, self.dt, self.tick_number, self.noise.key)
             wander_kernel(0, n, rows, shown.ids, *turns, direction)
         wish[rows] = direction
         return wish

@@ -117,7 +117,7 @@ def turns_of(
 def _inside(evidence, frames, reach):
     """Whose surroundings are seen as far as it sees itself; not so far where only a few would be left."""
     inside = is_inside(evidence, frames, reach)
-    while inside.mean() < ENOUGH and reach > NEAR:
+    while inside.sum() < ENOUGH * len(inside) and reach > NEAR:
         reach = max(0.5 * reach, NEAR)
         inside = is_inside(evidence, frames, reach)
     return inside

@@ -32,6 +32,9 @@ def test_headings_spread_as_the_closed_form_says(wander_time):
 def test_in_the_long_run_headings_spread_as_far_however_long_turns_last():
     assert lasting([0.0625, 200.0], 1.0) == pytest.approx([(np.pi / 4) ** 2 * 0.0625, 1.0], rel=0.01)
     assert (lasting([0.1, 1.0, 10.0], 0.0) == 1.0).all()
+    times = np.array([2.0, 3.0, 5.0])  # from twice that time on, the variance grows as fast as without
+    assert np.diff(times * lasting(times, 1.0)) == pytest.approx(np.diff(times), rel=0.01)
+    assert lasting(3.0, 1.0) == pytest.approx(0.83, abs=0.005)
 
 
 def test_a_turn_that_lasts_is_the_same_in_ticks_of_any_length():
