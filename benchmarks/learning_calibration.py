@@ -136,7 +136,7 @@ def clip_of(truth, count, seed):
 def separable(battery, one, other):
     """Return whether 20 runs of each brush differ in a measure, over the clip's time or after 20 s on their own."""
     from flockbrush.learning.simulate import simulated
-    from flockbrush.learning.verdict import alone, settled
+    from flockbrush.learning.verdict import left_alone
 
     def measured(brush):
         for seed in range(500, 500 + SEEDS):
@@ -144,7 +144,7 @@ def separable(battery, one, other):
 
     def after(brush):
         for seed in range(500, 500 + SEEDS // 2):
-            end = settled(battery, alone(battery.clip, brush, seed))
+            end = left_alone(battery, brush, seed)
             yield {name: end.value(name) for name in battery.values if name != "growth"}
 
     return any(_apart(list(take(one)), list(take(other))) for take in (measured, after))

@@ -193,7 +193,7 @@ def _battery_of(name, options, evidence, film, second, learned, row):
 def floor_of(name, options, evidence, film, battery, row):
     """Return how near the true model comes to a clip's second half, and which measures it misses."""
     from benchmarks.foreign_herds import herd
-    from flockbrush.learning.verdict import ALONE, FPS, Contender, _lasting
+    from flockbrush.learning.verdict import ALONE, FPS, Contender, after_long, settled
 
     def seen(frame, seconds, seed, step=1):
         """Return a run of the true model that leaves the film at a frame, from there on."""
@@ -206,7 +206,7 @@ def floor_of(name, options, evidence, film, battery, row):
     long = [seen(end - 1, options.seconds + ALONE, seed, step) for seed in range(LONG_FLOOR)]
     rows = battery.compared([battery.measured(run) for run in runs])
     near = within(clip, runs, row)
-    return near | _missed(Contender(name, rows, _lasting(battery, rows, long)))
+    return near | _missed(Contender(name, rows, after_long(battery, rows, [settled(battery, run) for run in long])))
 
 
 def run_of(truth, frame=0, step=1):

@@ -325,10 +325,10 @@ def _judged(fold: Fold, found: Findings, wishes, interrupts):
     frames = fold.held if fold.held is not None else fold.clips[0]
     beside = not wishes.quick if wishes.beside is None else wishes.beside
     rivals = _rivals(frames, found) if beside else {}
-    with progress("testing the brush and others", len(rivals) + 3) as bar:
+    with progress("testing the brush and others", 1000) as bar:
 
-        def step(done, _):
-            bar(done)
+        def step(done, total):
+            bar(1000 * done / total)
             interrupts.check()
 
         try:
@@ -353,8 +353,8 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     if wishes.quick and len(wholes) == 1:
         first.notes = ["Learned from the first part of the clip and tested on the rest: --quick fits no brush to all."]
         return first
-    begins = [(f"part {k + 1}", f.learned.theta, f.learned.extras) for k, f in enumerate(judged)]
-    learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), begins=begins)
+    parts = [f.learned for f in judged]
+    learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), parts=parts)
     again = _found(herd, Fold(wholes, first.held), learned, wishes)
     alone = replace(wishes, beside=False)
     checks, theirs = (
@@ -396,9 +396,9 @@ def _is_photo(whole):
 
 
 def _learned(
-    clips, herd, wishes, interrupts, photo, use=USE, fresh=False, part=0, of=1, begins=None,
+    clips, herd, wishes, interrupts, photo, use=USE, fresh=False, part=0, of=1, parts=(),
 ) -> Learned:  # fmt: skip
-    """Run the recipe with a progress bar that shows the loss; ``part`` counts the runs for one brush."""
+    """Run the recipe, and show the loss; ``part`` counts the runs for a brush, ``parts`` came of those before."""
     learnings = of if photo else 1 + of  # all frames are fitted at the end
     state, usual = herd.state(part), BUDGET / learnings
     budget = QUICK_BUDGET if wishes.quick else THOROUGH * usual if wishes.thorough else usual
@@ -417,7 +417,9 @@ def _learned(
         starts = min(wishes.starts, QUICK_STARTS) if wishes.quick else wishes.starts
         how = {"jobs": wishes.helpers, "say": told, "stop": lambda: interrupts.asked > 0}
         if herd.kind != HERD:
-            return learned_model(clips, herd.kind, wishes.seed, quick=wishes.quick, hopeless=herd.hopeless, **how)
+            how |= {"quick": wishes.quick, "hopeless": herd.hopeless, "parts": [part.params for part in parts]}
+            return learned_model(clips, herd.kind, wishes.seed, **how)
+        begins = [(f"part {k + 1}", part.theta, part.extras) for k, part in enumerate(parts)] or None
         settings = SearchSettings(
             wishes.seed, starts, use, wishes.beta, budget, begins=begins, device=wishes.device, quick=wishes.quick,
         )  # fmt: skip

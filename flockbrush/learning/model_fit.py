@@ -71,7 +71,7 @@ def wander_of(spread: float, blocks: TurnBlocks) -> float:
 def learned_model(
     clips: Sequence[Evidence], name: str, seed: int = 0, *, quick: bool = False, jobs: int | Helpers = 1,
     stop: Callable[[], bool] | None = None, say: Callable[[int, int, float, str], None] | None = None,
-    hopeless: float = math.inf,
+    hopeless: float = math.inf, parts: Sequence[Any] = (),
 ) -> Learned:  # fmt: skip
     """The numbers of one kind of model, by these frames alone.
 
@@ -83,6 +83,8 @@ def learned_model(
         As for `flockbrush.learning.recipe.learn`; a search that is stopped leaves the fit to next steps.
     hopeless : float
         As for `refined`.
+    parts : sequence of Parameters
+        Learned from parts of these frames: the best of them and of the fit to next steps is chosen, with no new search.
 
     Raises
     ------
@@ -92,7 +94,7 @@ def learned_model(
         When no turns are visible.
     """
     if name not in likelihoods():
-        return _simulated_fit(clips, behaviours()[name], seed, {"jobs": jobs, "stop": stop, "say": say})
+        return _simulated_fit(clips, behaviours()[name], seed, parts, {"jobs": jobs, "stop": stop, "say": say})
     kind, blocks = likelihoods()[name], TurnBlocks(clips)
     if not blocks.reference:
         raise refused(clips[0].name, f"no turns of animals are visible: leave out --model {name}")
@@ -109,7 +111,8 @@ def learned_model(
     start, stopped = Attempt(name, seed, begin, begin), False
     try:
         if not quick:
-            start = refined(given, begin, name, seed, shape=shape, jobs=jobs, stop=stop, say=say, hopeless=hopeless)
+            begins = [begin, *(place(given.numbers, part) for part in parts)]
+            start = refined(given, begins, name, seed, shape=shape, jobs=jobs, stop=stop, say=say, hopeless=hopeless)
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
     x = start.theta[: len(kind.numbers)]
@@ -150,7 +153,7 @@ def _as_learned(kind: Likelihood, given: ModelSetting, x, information, start, st
         extras |= {"neighbour_range": params.neighbour_range}
         scales = None
     start = replace(start, theta=theta, first_theta=theta)
-    how = "then refined by simulated herds" if len(start.loss) else "without simulations"
+    how = "then refined by simulated herds" if np.isfinite(start.score) else "without simulations"
     notes = [f"model {kind.name}: {given.view.sight} sight, fitted to the next steps of the animals, {how}"]
     notes += ["learning was stopped: these are the best parameters so far"] if stopped else []
     return Learned(
@@ -183,14 +186,15 @@ def simulation_numbers(model: Behaviour) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _simulated_fit(clips, model: Behaviour, seed, how) -> Learned:
+def _simulated_fit(clips, model: Behaviour, seed, parts, how) -> Learned:
     """By running herds and measuring how far they are from the clips."""
     numbers = simulation_numbers(model)
     given = ModelSetting.of_model(clips, model.Params(), SEES, numbers)
     begin = place(given.numbers, given.base)
     start, stopped = Attempt(model.name, seed, begin, begin), False
     try:
-        start = refined(given, begin, model.name, seed, step=WIDE_STEP, **how)
+        begins = [begin, *(place(given.numbers, part) for part in parts)]
+        start = refined(given, begins, model.name, seed, step=WIDE_STEP, **how)
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
     params, x = given.params(start.theta), start.theta[: len(numbers)]

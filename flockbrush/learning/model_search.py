@@ -103,16 +103,19 @@ def first_shape(numbers, information, step) -> np.ndarray:
 
 
 def refined(
-    given: ModelSetting, begin, name: str, seed: int = 0, *, step=STEP, shape=None, jobs: int | Helpers = 1,
+    given: ModelSetting, begins, name: str, seed: int = 0, *, step=STEP, shape=None, jobs: int | Helpers = 1,
     stop: Callable[[], bool] | None = None, say: Callable[[int, int, float, str], None] | None = None,
     hopeless: float = math.inf,
 ) -> Attempt:  # fmt: skip
     """The best of where the search begins and what an evolution makes of it, with its score and its staying.
 
+    Where it begins with what came of parts of the frames there was an evolution of each: these are tried, and their
+    mean, without another one.
+
     Parameters
     ----------
-    begin : (d,) array_like
-        Positions from 0 to 1 in the ranges of ``given.numbers``.
+    begins : (k, d) array_like
+        Positions from 0 to 1 in the ranges of ``given.numbers``: of a fit to all frames, then those that came of parts.
     name : str
         Of the attempt.
     shape : (d, d) ndarray, optional
@@ -127,27 +130,34 @@ def refined(
     WorkStopped
         When ``stop`` says so.
     """
-    begin, worth = np.asarray(begin, float), []
+    begin, *parts = np.asarray(begins, float)
     forget()
     with Workers(given, jobs, stop=stop) as workers:
-        cloud, best = Evolution(begin, step, SIZE, (seed, 62), shape), None
-        for g in range(given.generations):
-            asked = cloud.ask()
-            seeds = [seed + 1000 + SEEDS * g + k for k in range(SEEDS)]
-            scores = [one["score"] for one in workers.map(attempt, [_task(x, seeds, SEEDS * g) for x in asked])]
-            cloud.tell(scores)
-            worth.append(min(scores))
-            if best is None or worth[-1] < best[0]:
-                best = worth[-1], asked[int(np.argmin(scores))]
-            if say is not None:
-                say(g + 1, given.generations + 1, min(worth), "evolution")
-            if g + 1 == PATIENCE and min(worth) > hopeless:
-                return Attempt(name, seed, begin, begin)
-        ends = [begin, *([] if best is None else [np.clip(cloud.mean, 0.0, 1.0), best[1]])]
-        made = _judged(workers, ends, seed)
+        if parts:
+            ends, worth = [*parts, *([np.mean(parts, axis=0)] if len(parts) > 1 else [])], []
+        else:
+            ends, worth = _evolved(given, workers, seed, Evolution(begin, step, SIZE, (seed, 62), shape), say, hopeless)
+        made = [Attempt("", seed, begin, begin)] if ends is None else _judged(workers, [begin, *ends], seed)
     chosen = min(made, key=lambda one: one.merit)
     chosen.name, chosen.seed, chosen.first_theta, chosen.loss = name, seed, begin, np.array(worth)
     return chosen
+
+
+def _evolved(given, workers, seed, cloud, say, hopeless):
+    """The middle and the best of an evolution, and its scores; None and none of a hopeless one."""
+    tried, worth = [], []
+    for g in range(given.generations):
+        asked = cloud.ask()
+        seeds = [seed + 1000 + SEEDS * g + k for k in range(SEEDS)]
+        scores = [one["score"] for one in workers.map(attempt, [_task(x, seeds, SEEDS * g) for x in asked])]
+        cloud.tell(scores)
+        worth.append(min(scores))
+        tried.append(asked[int(np.argmin(scores))])
+        if say is not None:
+            say(g + 1, given.generations + 1, min(worth), "evolution")
+        if g + 1 == PATIENCE and min(worth) > hopeless:
+            return None, []
+    return ([np.clip(cloud.mean, 0.0, 1.0), tried[int(np.argmin(worth))]] if tried else []), worth
 
 
 def _place(x):

@@ -40,19 +40,19 @@ class NextSteps:
     def __init__(self, turns: Turns):
         self.turns, percept, rows = turns, turns.percept, turns.rows
         self.k, self.n = len(rows), percept.animals
-        first, count = percept.first, np.diff(percept.first)[rows]
-        pair = np.repeat(first[rows] - np.concatenate([[0], np.cumsum(count)[:-1]]), count) + np.arange(count.sum())
-        self.first = np.concatenate([[0], np.cumsum(count), np.full(self.n, count.sum())]).astype(np.int64)
-        self.near = (percept.near[pair] + self.k).astype(np.int32)
-        observer = np.repeat(rows, count)
-        drift = turns.velocity[percept.near[pair]] - turns.velocity[observer]
+        self.first = np.concatenate([[0], np.cumsum(np.diff(percept.first)[rows])]).astype(np.int64)
+        ticks = math.ceil(float(turns.ticks.max(initial=0.0)) - 1e-9)
+        self.near = np.empty(self.first[-1], np.int32)
+        offsets = np.zeros((ticks, len(self.near), 3))
+        _look(rows, percept.first, percept.near, percept.offset, turns.velocity, turns.dt, self.near, offsets)
+        self.near += self.k
+        self.first = np.concatenate([self.first, np.full(self.n, self.first[-1])])
         self.start = np.arctan2(percept.forward[rows, 1], percept.forward[rows, 0])
         self.own_speed = np.hypot(*turns.velocity[rows].T)
-        ticks = math.ceil(float(turns.ticks.max(initial=0.0)) - 1e-9)
-        self.scenes = [self._scene(percept.offset[pair] + s * turns.dt * drift, s) for s in range(ticks)]
+        self.scenes = [self._scene(offset, s) for s, offset in enumerate(offsets)]
 
     def _scene(self, offset, tick):
-        """The `Scene` of a tick with neighbours at `offset` (m, 2) BL; headings of the k animals come later."""
+        """The `Scene` of a tick with neighbours at `offset` (m, 3) BL; headings of the k animals come later."""
         turns, total = self.turns, self.k + self.n
         spin, time = turns.spin, tick * turns.dt
         c, s = np.cos(spin * time), np.sin(spin * time)
@@ -63,7 +63,7 @@ class NextSteps:
         nobody, plain = np.zeros(total + 1, np.int64), np.zeros((total, 2))
         forward = np.concatenate([np.zeros((self.k, 3)), seen])
         air = Air(
-            self.first, self.near, np.column_stack([offset, np.zeros(len(offset))]), up, far, forward, far, up,
+            self.first, self.near, offset, up, far, forward, far, up,
             np.zeros(total), np.zeros(total, np.uint8), flat, nobody, np.zeros((0, 3)),
         )  # fmt: skip
         one = np.zeros(total, np.int32)
@@ -72,9 +72,9 @@ class NextSteps:
             velocity=np.concatenate([np.zeros((self.k, 3)), speed[:, None] * seen]),
             forward=forward, speed=np.concatenate([self.own_speed, speed]), length=np.ones(total),
             leader=np.zeros(total, np.uint8), species=one, danger=np.zeros(total, np.uint8), first=self.first,
-            near=self.near, offset=offset, obstacle_first=nobody, obstacle_offset=np.zeros((0, 2)), guidance=plain,
-            slope=plain, memory=plain, known=np.zeros(total, np.uint8), order=np.arange(total, dtype=np.int32),
-            air=frozen(air),
+            near=self.near, offset=offset[:, :2].copy(), obstacle_first=nobody, obstacle_offset=np.zeros((0, 2)),
+            guidance=plain, slope=plain, memory=plain, known=np.zeros(total, np.uint8),
+            order=np.arange(total, dtype=np.int32), air=frozen(air),
         )  # fmt: skip
 
     def predicted(self, model: Behaviour, params) -> np.ndarray:
@@ -180,6 +180,20 @@ def mean_score(off, weight, spread=None) -> tuple[float, float]:
             share = weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
             spread = max(float(np.sqrt((share * off * off).sum() / total)), SMALLEST)
     return float((weight * log_density(off, spread)).sum() / total), spread
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _look(rows, first, near, offset, velocity, dt, found, offsets):
+    """Write the neighbours of some rows (m,), and where they are in each tick (ticks, m, 3) if all go on as they do."""
+    m = 0
+    for i in rows:
+        for at in range(first[i], first[i + 1]):
+            j = near[at]
+            found[m] = j
+            x, y = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
+            for s in range(len(offsets)):
+                offsets[s, m, 0], offsets[s, m, 1] = offset[at, 0] + s * dt * x, offset[at, 1] + s * dt * y
+            m += 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -133,27 +134,33 @@ class _Herd:
 # judging --------------------------------------------------------------------------------------------
 
 
-def contend(battery: Battery, name: str, brush, seeds, long_seeds=()) -> Contender:
-    """A brush, or True or False for a herd that goes on or stands, beside a clip."""
+def beside(battery: Battery, brush, seeds) -> list[BatteryRow]:
+    """Runs of a brush, or of True or False for a herd that goes on or stands, against a clip."""
     clip = battery.clip
     if isinstance(brush, bool):
-        rows = battery.compared([battery.measured(idle(clip, s, brush)) for s in seeds])
-    else:
-        runs = [simulated(clip, brush, s, True) for s in seeds]
-        rows = battery.compared([battery.measured(run) for run in runs]) + response(clip, brush, runs)
-    lasting = []
-    if clip.fields.holds_all and len(long_seeds):
-        lasting = _lasting(battery, rows, [alone(clip, brush, s) for s in long_seeds])
-    return Contender(name, rows, lasting)
+        return battery.compared([battery.measured(idle(clip, s, brush)) for s in seeds])
+    runs = [simulated(clip, brush, s, True) for s in seeds]
+    return battery.compared([battery.measured(run) for run in runs]) + response(clip, brush, runs)
 
 
-def _contend(battery: Common, *args) -> Contender:
-    return contend(battery.value, *args)
+def settled(battery: Battery, run: Run) -> Series:
+    """What becomes of a herd that is left alone."""
+    looks = looks_of_run(run, battery.clip, 1, FPS, battery.series.yard.span)
+    return Series.of(looks[-int(MEASURED * FPS) :], battery.series.yard, MEASURED)
 
 
-def _lasting(battery, rows, runs) -> list[BatteryRow]:
-    """The end of long runs against the clip, with wider limits; what changes in the clip may go on changing."""
-    found = [settled(battery, run) for run in runs]
+def left_alone(battery: Battery, brush, seed) -> Series:
+    """The same of a brush, or of True or False for a herd that goes on or stands."""
+    return settled(battery, alone(battery.clip, brush, seed))
+
+
+def _of_battery(battery: Common, function, *args):
+    """A task for a process beside this one."""
+    return function(battery.value, *args)
+
+
+def after_long(battery: Battery, rows: list[BatteryRow], found: list[Series]) -> list[BatteryRow]:
+    """What became of runs against the clip, with wider limits; what changes in the clip may go on changing."""
     growth = battery.series.growth if "growth" in battery.values else 0.0
     out = []
     for row in rows:
@@ -173,12 +180,6 @@ def _lasting(battery, rows, runs) -> list[BatteryRow]:
         off = float(np.abs(values.mean(0) - value).mean())
         out.append(BatteryRow(row.name, float(value.mean()), float(values.mean()), off, limit))
     return out
-
-
-def settled(battery, run) -> Series:
-    """What becomes of a herd that is left alone."""
-    looks = looks_of_run(run, battery.clip, 1, FPS, battery.series.yard.span)
-    return Series.of(looks[-int(MEASURED * FPS) :], battery.series.yard, MEASURED)
 
 
 def _trend(battery, name):
@@ -204,27 +205,37 @@ def judge(
     rivals : mapping of str to the same
         Besides those that are always used: no motion, constant velocities, random parameters.
     say : callable, optional
-        (how many are done, of how many).
+        (how much is done, of how much).
     helpers : Helpers, optional
         Processes that do a part of it.
     """
     seeds = [seed + k for k in range(runs)]
     others: dict[str, object] = {**IDLE, RANDOM: random_numbers(brush), **rivals}
-    helpers = helpers or Helpers()
-    battery = helpers.common(Battery.of(clip))
-    tasks: list[tuple] = [(battery, name, brush, seeds, seeds[:LONG_RUNS])]
+    herds = [(name, brush, seeds, seeds[:LONG_RUNS])]
     for other, herd in others.items():
-        always = isinstance(herd, bool)
-        runs_of_it = [1000 + seed] if always else [1000 + seed + r for r in range(RIVAL_RUNS)]
-        tasks.append((battery, other, herd, runs_of_it, [seed] if always else ()))
-    found: dict[int, Contender] = {}
-    for k, contender in helpers.run(_contend, tasks):
-        found[k] = contender
-        if say is not None:
-            say(len(found) - 1, len(others))
-    mine, *tried = (found[k] for k in range(len(tasks)))
+        once = isinstance(herd, bool)
+        herds.append((other, herd, [1000 + seed + r for r in range(1 if once else RIVAL_RUNS)], [seed] if once else []))
+    mine, *tried = _contenders(Battery.of(clip), herds, helpers or Helpers(), say)
     seconds, count = len(clip.fields) / clip.fps, float(np.nanmedian(clip.fields.count))
     return concluded(mine, tried, seconds, count, clip.doubt)
+
+
+def _contenders(battery: Battery, herds, helpers: Helpers, say) -> list[Contender]:
+    """Each of the herds (name, brush, seeds beside the clip, seeds alone), all runs shared among the helpers."""
+    common, whole = helpers.common(battery), battery.clip.fields.holds_all
+    long = [(k, seed) for k, (_, _, _, seeds) in enumerate(herds) for seed in seeds if whole]
+    tasks = [(common, beside, brush, seeds) for _, brush, seeds, _ in herds]
+    tasks += [(common, left_alone, herds[k][1], seed) for k, seed in long]
+    found: dict[int, Any] = {}
+    for task, result in helpers.run(_of_battery, tasks):
+        found[task] = result
+        if say is not None:
+            say(len(found), len(tasks))
+    made = []
+    for k, (name, *_) in enumerate(herds):
+        ends = [found[len(herds) + at] for at, (own, _) in enumerate(long) if own == k]
+        made.append(Contender(name, found[k], after_long(battery, found[k], ends) if ends else []))
+    return made
 
 
 def concluded(mine: Contender, rivals: list[Contender], seconds: float, count: float, doubt="") -> Judgement:

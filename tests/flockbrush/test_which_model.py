@@ -226,6 +226,16 @@ def test_simulations_refine_a_fit_to_next_steps(monkeypatch):
     assert found.params.repulsion == pytest.approx(fit.params.repulsion, abs=0.1)  # the turns say what it is
 
 
+def test_of_all_frames_the_best_of_what_came_of_parts_is_kept(monkeypatch):
+    clip, truth = evidence_of(tracks("morse")[:64, :16]), TRUTHS["morse"].params
+    monkeypatch.setattr(model_search, "_evolved", lambda *_: pytest.fail("a new search"))
+    false = truth.model_copy(update={"attraction": 900.0, "repulsion": 0.1, "wander": 2.0})
+    for parts in ([truth, false], [false, truth]):
+        found = learned_model([clip], "morse", parts=parts)
+        assert found.params.wander < 0.5 * false.wander and "refined by simulated herds" in found.notes[0]
+    assert learned_model([clip], "morse", parts=[truth]).starts[0].merit >= found.starts[0].merit
+
+
 def test_what_turns_do_not_tell_is_found_by_simulated_herds(monkeypatch):
     clip = evidence_of(tracks("morse")[:64, :16])
     _search_little(monkeypatch, 2)
