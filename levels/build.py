@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import index
 
 import numpy as np
 from flockbrush.behaviours.brush import Brush, BrushLibrary, shipped
@@ -13,6 +14,7 @@ from flockbrush.behaviours.mixture import path_between
 from flockbrush.behaviours.program import known_brushes
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import AGENT
+from flockbrush.components.level_things import ENUMS
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import Commands, from_record, tick_at
 from flockbrush.engine.noise import Noise
@@ -91,7 +93,9 @@ class Simulation:
         self.clock.tick += 1
 
     def run(self, ticks: int) -> None:
-        """Run some ticks."""
+        """Run some ticks; ValueError where it is no whole number, or less than 0."""
+        if index(ticks) < 0:
+            raise ValueError(f"ticks must be at least 0, got {ticks}")
         for _ in range(ticks):
             self.tick()
 
@@ -189,7 +193,7 @@ def build(
     palette = _palette(level, library)
     for resource in (
         Clock(DT),
-        Noise(level.seed if seed is None else seed),
+        Noise(index(level.seed if seed is None else seed)),
         Commands(),
         SpeciesList(species, getattr(library, "species", None) or shipped_species()),
         palette,
@@ -377,6 +381,11 @@ def plane(
         As `flockbrush.systems.spawning.place`.
     heading : float, optional
         Radians; None: each its own.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When something is not of its kind, or out of range.
     """
     return herds_apart([brush], count, density, start, seed, heading, body_length)
 
@@ -404,7 +413,13 @@ def herds_apart(
 
     The others as `plane`.
     """
+    if not all(isinstance(brush, Brush) for brush in brushes):
+        raise TypeError("a herd needs a Brush, such as flockbrush.shipped().get('march')")
+    if start not in ENUMS["Formation"]:
+        raise ValueError(f"start must be one of {', '.join(ENUMS['Formation'])}, got {start!r}")
     length = brushes[0].body.length if body_length is None else body_length
+    if not (index(count) >= 0 and 0 < density < math.inf and 0 < length < math.inf):
+        raise ValueError(f"count must be at least 0, density and body_length above 0: {count}, {density}, {length}")
     side = math.sqrt(count / density) * length
     size = max(3 * side + 20 * length, apart)
     low, high = 0.5 * (size - side), 0.5 * (size + side)

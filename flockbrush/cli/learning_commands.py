@@ -255,7 +255,7 @@ def learn(
     learn_brushes(
         LearnOptions(
             clips=clips, out=out, looking=how, jobs=jobs, helpers=helpers, workers=workers, report=report, json=json,
-            length_m=look.body_length_m or 1.0, command=command_line("learn", clips, options),
+            length_m=look.body_length_m, command=command_line("learn", clips, options),
             **vars(fit) | {"ablate": without},
         )
     )  # fmt: skip

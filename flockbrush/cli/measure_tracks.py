@@ -9,7 +9,7 @@ import numpy as np
 
 from flockbrush.cli.level_commands import check_plot
 from flockbrush.cli.measure import mean_of, show_series
-from flockbrush.film.observations import Evidence
+from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.open_clip import Looking, look_at
 from flockbrush.output.run_table import RunTable, read_run_table
 from flockbrush.runs import terminal
@@ -27,6 +27,11 @@ def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
         Of `flockbrush.film.track_evidence.evidence_of_tracks`.
     every : float
         Seconds between two moments; the last frame is measured too.
+
+    Raises
+    ------
+    CannotObserve
+        When no two animals are there together.
     """
     sightings, fps = evidence.sightings, evidence.fps
     assert sightings is not None  # tracks are of single animals
@@ -44,6 +49,8 @@ def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
         values = herd_measures(np.hstack([sightings.xy[rows] * length, flat]), velocity, forward, length)
         for name, value in {"time": t / fps, **values}.items():
             series.setdefault(name, []).append(value)
+    if not series:
+        raise CannotObserve(evidence.name, "has no two animals in the same frame, of those that are measured")
     return series
 
 

@@ -59,6 +59,8 @@ def speed_process(sightings, fps, smoothed=SMOOTHED) -> SpeedProcess | None:
     if table is None:
         return None
     mean, own = _own(table)
+    if not np.isfinite(own).any():  # nobody has a speed
+        return None
     first = max(1, int(np.ceil(CLEAR * smoothed * fps)))
     lags = np.unique(np.round(np.geomspace(first, max(first + 1, 0.6 * len(own)), 16)).astype(int))
     lags = lags[lags < len(own)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
-from flockbrush.film.track_table import TrackTable, check_size, middle_of_parts
+from flockbrush.film.track_table import WRAPPED, TrackTable, check_size, middle_of_parts
 
 SLAB = 4_000_000  # numbers of a variable that are unpacked at once
 CHUNK = 64 * limits.MIB  # bytes of a packed block; HDF5 unpacks one whole, whatever part is asked for
@@ -58,8 +58,9 @@ def movement_netcdf(path) -> TrackTable:
         unit = {"m": "m", "metre": "m", "meters": "m", "px": "px", "pixels": "px"}.get(getattr(position, "units", ""))
         if "heading" in data.variables and unit == "m":
             heading = _headings(path, data["heading"], xy.shape[:2])
+        notes = [WRAPPED] if getattr(data, "boundary", "") == "wrap" else []
         return TrackTable(xy, _individuals(path, data, xy.shape[1]), np.arange(len(xy)), _fps(path, data), unit, None,
-                          heading)  # fmt: skip
+                          heading, notes)  # fmt: skip
 
 
 def _of_movement(values, sizes):

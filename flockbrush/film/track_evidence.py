@@ -2,9 +2,10 @@
 
 Positions are smoothed through noise and short gaps (`flockbrush.film.tracks.smoothed`: Whittaker's smoother, with one
 stiffness for all animals by generalised cross-validation). If the file has no headings, an animal heads in its
-direction of motion; while its speed is below the noise, it keeps its last heading. The uncertainty of positions and
-headings is estimated by a parametric bootstrap: noise of the estimated size is added to the smooth paths, which are
-smoothed again.
+direction of motion; while its speed is below the noise, it keeps its last heading. A track is cut where one step is far
+longer than all others: ids were swapped there, or animals left on one side and came back on the other. The uncertainty
+of positions and headings is estimated by a parametric bootstrap: noise of the estimated size is added to the smooth
+paths, which are smoothed again.
 """
 
 from __future__ import annotations
@@ -29,14 +30,16 @@ GAP = 1.0  # s, and at least so many frames: an animal that is away for longer i
 GAP_FRAMES = 5
 SHORTEST = 8  # frames of a track
 SLOW = 2.0  # deviations of the noise of speed: a slower animal keeps its heading
-SLOWEST = 0.03  # BL/s, the same
+SLOWEST = 0.02  # of the speed of the fastest tenth, the same
 WHOLE = 0.9  # share of the animals that is there at a time, above which the tracks are of one whole herd
 RADIUS = 0.2  # BL, half the width of a body, which tracks do not tell
 EDGE = 1.0  # BL of ground around animals that come and go
 PICTURE = 900  # pixels across of a drawn frame
 GROUND, BODY, TAIL = (214, 228, 221), (60, 70, 66), (150, 166, 158)  # BGR
 FEWEST = 2  # animals
-JUMP, LEAST_JUMP = 5.0, 0.1  # times the usual step of the herd; BL, taken for the usual step of a herd that stands
+JUMP, LEAST_JUMP = 5.0, 0.1  # times the long steps of the herd; BL, taken for such a step of a herd that stands
+ASIDE = math.pi / 4  # rad between headings and motion, in the median: headings of another kind
+LEAP, LONG_STEPS = 20.0, 0.95  # times its usual step an animal never goes; quantile of all steps, `JUMP` times likewise
 USUAL_LENGTH_M = 1.0
 
 
@@ -96,15 +99,22 @@ class _Pieces:
     heading: np.ndarray | None  # (T, P)
     animal: np.ndarray  # (P,) column of the tracks
     gaps: int  # that were filled
+    away: int  # animals with longer gaps
+    leaps: list[tuple[int, int]]  # row and column of the tracks at which one was cut, since the animal leaps to there
 
 
 def _pieces(tracks, length):
-    """Each track cut at its long gaps."""
+    """Each track cut at its long gaps and where it leaps."""
     has_place, most = tracks.seen, max(GAP_FRAMES, round(GAP * tracks.fps))
-    spans = []
-    for animal in range(has_place.shape[1]):
-        rows = np.flatnonzero(has_place[:, animal])
-        for part in np.split(rows, np.flatnonzero(np.diff(rows) > most) + 1):
+    spans, leaps, away = [], [], 0
+    steps = [_steps(tracks, animal, length) for animal in range(has_place.shape[1])]
+    long = JUMP * float(np.quantile(np.concatenate([step for _, step in steps]), LONG_STEPS))
+    for animal, (rows, step) in enumerate(steps):
+        leap = step > max(LEAP * float(np.median(step)) if len(step) else 0.0, long, JUMP * LEAST_JUMP)
+        gone = np.diff(rows) > most
+        away += bool(gone.any())
+        leaps += [(int(row), animal) for row in rows[1:][leap]]
+        for part in np.split(rows, np.flatnonzero(gone | leap) + 1):
             if len(part) >= SHORTEST:
                 spans.append((animal, part))
     xy = np.full((len(has_place), len(spans), 2), np.nan)
@@ -115,7 +125,14 @@ def _pieces(tracks, length):
         gaps += int((np.diff(rows) > 1).sum())
         if heading is not None:
             heading[rows, k] = tracks.heading[rows, animal]
-    return _Pieces(xy, heading, np.array([animal for animal, _ in spans], int), gaps)
+    return _Pieces(xy, heading, np.array([animal for animal, _ in spans], int), gaps, away, leaps)
+
+
+def _steps(tracks, animal, length):
+    """Rows (m,) in which an animal was seen, and how far it went a frame between them (m - 1,), BL."""
+    rows = np.flatnonzero(tracks.seen[:, animal])
+    way = np.diff(tracks.xy[rows, animal], axis=0) / length
+    return rows, np.hypot(*way.T) / np.diff(rows)
 
 
 @dataclass
@@ -130,6 +147,7 @@ class _Motion:
     place_noise: float
     heading_noise: float
     window: float  # s over which speeds are averages
+    slow: float  # BL/s, below which directions of motion say nothing
 
     @classmethod
     def of(cls, pieces, fps):
@@ -137,15 +155,16 @@ class _Motion:
         velocity = central_differences(paths.px) * fps
         again = _again(pieces, paths)
         off, other = again - paths.px, central_differences(again) * fps
-        slow = max(SLOW * _spread(other - velocity), SLOWEST)
+        speed = np.hypot(velocity[..., 0], velocity[..., 1])
+        slow = max(SLOW * _spread(other - velocity), SLOWEST * float(np.nanquantile(speed, 0.9)), 1e-9)
         angle, sure = _headings(pieces, velocity, slow)
         apart = _wrapped(np.arctan2(other[..., 1], other[..., 0]) - np.arctan2(velocity[..., 1], velocity[..., 0]))
-        fast = np.hypot(velocity[..., 0], velocity[..., 1]) > slow
+        fast = speed > slow
         turn = np.where(sure, central_differences(angle) * fps, np.nan)
         window = max(SMOOTHED, 2.0 * paths.stiffness ** (1 / 6) / fps)
         return cls(
             paths.px, velocity, angle, turn, paths.noise, _spread(off),
-            float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window),
+            float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window), slow,
         )  # fmt: skip
 
 
@@ -253,7 +272,7 @@ def _jumps(tracks, length):
     steps = np.diff(tracks.xy, axis=0) / length
     way = np.hypot(steps[..., 0], steps[..., 1])
     usual = np.array([np.nanmedian(row) if np.isfinite(row).any() else 0.0 for row in way])
-    for t in np.flatnonzero(usual > JUMP * max(float(np.median(usual)), LEAST_JUMP))[:3]:
+    for t in np.flatnonzero(usual > JUMP * max(float(np.quantile(usual, 0.9)), LEAST_JUMP))[:3]:
         a, b = tracks.frames[t], tracks.frames[t + 1]
         yield f"the herd jumps between frames {a} and {b}; if two recordings were joined, use --frames"
 
@@ -264,9 +283,14 @@ def _notes(tracks, pieces, motion, length):
         f"from tracks: positions are smoothed over about {motion.window:.2g} s; "
         f"their noise is {motion.noise * length:.2g} {tracks.unit}"
     )
-    gapped = len(np.unique(pieces.animal[np.flatnonzero(np.bincount(pieces.animal)[pieces.animal] > 1)]))
-    if pieces.gaps or gapped:
-        who = "1 animal was" if gapped == 1 else f"{gapped} animals were"
+    if pieces.leaps:
+        row, animal = pieces.leaps[0]
+        yield (
+            f"{len(pieces.leaps)} leaps of single animals (the first: {tracks.ids[animal]} to frame "
+            f"{tracks.frames[row]}), as where ids are swapped: the tracks are cut there and count as other animals"
+        )
+    if pieces.gaps or pieces.away:
+        who = "1 animal was" if pieces.away == 1 else f"{pieces.away} animals were"
         yield (
             f"{pieces.gaps} gaps were filled; {who} missing for more than {GAP:g} s and count as new animals afterwards"
         )
@@ -276,8 +300,22 @@ def _notes(tracks, pieces, motion, length):
             f"animals are missing for {missing:.0%} of the time between their first and last frame: densities count "
             "them where they may be, and turns and spacing of animals with missing neighbours count less"
         )
-    if tracks.heading is None:
-        yield "headings are directions of motion; an animal slower than the noise keeps its last heading"
+    if tracks.heading is not None:
+        apart = _wrapped(motion.angle - np.arctan2(motion.velocity[..., 1], motion.velocity[..., 0]))
+        apart = apart[np.hypot(*np.moveaxis(motion.velocity, -1, 0)) > motion.slow]
+        if len(apart) and np.median(np.abs(apart)) > ASIDE:
+            yield (
+                f"animals move {math.degrees(np.median(np.abs(apart))):.0f} degrees aside of their headings, in the "
+                "median: headings are in radians, counter-clockwise from x"
+            )
+    else:
+        slow = np.hypot(*motion.velocity[np.isfinite(motion.velocity).all(-1)].T) < motion.slow
+        yield (
+            f"headings are directions of motion; below {motion.slow * length:.2g} {tracks.unit}/s, as in "
+            f"{slow.mean():.0%} of all sights, an animal keeps its last heading"
+        )
+        if slow.mean() > 0.5:
+            yield "most animals stand, or move less than their positions are uncertain: do not trust their headings"
     yield "tracks have no body width: half the width is assumed to be 0.2 body lengths"
 
 

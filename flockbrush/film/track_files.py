@@ -29,6 +29,8 @@ DAMAGE = (  # what libraries raise at files that are not whole
     SyntaxError, tokenize.TokenError,
 )  # fmt: skip
 FEWEST = 8  # frames in which an animal must be seen
+SAME_RATE = 0.01  # of a rate: one that is given may be off from the file's by so much
+TURNED = 2 * np.pi + 1e-3  # rad: headings are within
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,8 @@ def read_trajectories(path, unit: str | None = None, fps: float | None = None) -
     if unit is None:
         raise refused(path, "has no unit for x and y: give it with --unit m, px or bl")
     scale = 0.01 if unit == "cm" else 1.0
+    if fps is not None and table.fps is not None and abs(fps / table.fps - 1.0) > SAME_RATE:
+        raise refused(path, f"its times say {table.fps:.6g} frames per second, --fps says {fps:g}: leave it out")
     rate = fps or table.fps
     if rate is None:
         raise refused(path, "has no times: give the frames per second with --fps")
@@ -130,19 +134,27 @@ def _checked(path, table, unit, scale, fps):
     if not enough.any():
         most = int(sights.max(initial=0))
         raise refused(path, f"no animal is visible in more than {most} frames; at least {FEWEST} are needed")
+    if table.heading is not None and np.nanmax(np.abs(table.heading), initial=0.0) > TURNED:
+        t, n = np.argwhere(np.abs(table.heading) > TURNED)[0]
+        raise refused(
+            path,
+            f"heading {table.heading[t, n]:g} of animal {table.ids[n]} in frame {table.frames[t]}: headings are in "
+            "radians, counter-clockwise from x, from -6.283 to 6.283; are these degrees?",
+        )
     notes = list(table.notes)
     if not enough.all():
         notes.append(f"{int((~enough).sum())} animals visible in fewer than {FEWEST} frames were left out")
     xy, heading = xy[:, enough], None if table.heading is None else table.heading[:, enough]
     rows = np.flatnonzero(np.isfinite(xy[..., 0]).any(1))
-    span = slice(rows[0], rows[-1] + 1)
+    every = int(np.gcd.reduce(np.diff(rows))) or 1  # of files with the positions of every n-th frame
+    span = slice(rows[0], rows[-1] + 1, every)
     down = unit == "px" if table.down is None else table.down
     if down:
         xy = xy * (1.0, -1.0)
         heading = None if heading is None else -heading
     ids = tuple(str(name) for name, keep in zip(table.ids, enough, strict=True) if keep)
     return Trajectories(
-        xy[span], ids, fps, unit, None if heading is None else heading[span], np.asarray(table.frames)[span],
+        xy[span], ids, fps / every, unit, None if heading is None else heading[span], np.asarray(table.frames)[span],
         path.name, _sha256(path), tuple(notes),
     )  # fmt: skip
 

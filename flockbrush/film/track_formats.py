@@ -16,7 +16,7 @@ from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
-from flockbrush.film.track_table import TrackTable, beside, check_size, middle_of_parts, placed
+from flockbrush.film.track_table import WRAPPED, TrackTable, beside, check_size, middle_of_parts, placed
 
 EARTH = 111_319.49079327358  # m of a degree at the equator
 NAMES = {  # what columns are called, the first that is there is taken
@@ -28,6 +28,7 @@ NAMES = {  # what columns are called, the first that is there is taken
     "time": ("time", "time_s", "seconds", "t", "timestamp"),
 }  # fmt: skip
 _TOLD = 20  # problems of one file that are reported
+ROUNDED = 0.1  # frames by which times may be off a frame without being interpolated
 
 
 # tables with a row for each animal in each frame --------------------------------------------------
@@ -51,8 +52,8 @@ def csv_table(path) -> TrackTable:
         where |= {"x": lower.index("location-long"), "y": lower.index("location-lat")}
     _need(path, where, lower)
     heading = lower.index("heading") if "heading" in lower and not degrees else None
-    columns, names, animal = _parsed(path, rows, where, heading)
-    return _long_table(path, lower, where, columns, names, animal, degrees)
+    columns, names, animal, lines = _parsed(path, rows, where, heading)
+    return _long_table(path, lower, where, columns, names, animal, lines, degrees)
 
 
 def _split(row):
@@ -73,11 +74,11 @@ def _need(path, where, header):
 
 
 def _parsed(path, rows, where, heading):
-    """({name: numbers}, names, which of them each row is of) of the rows; ProblemsError."""
+    """({name: numbers}, names, which of them each row is of, its line) of the rows; ProblemsError."""
     problems: list[Problem] = []
     numbers = {name: array("d") for name in ("x", "y", "frame", "time", "heading")}
     names: dict[str, int] = {}
-    animal = array("q")
+    animal, lines = array("q"), array("q")
     for line, cells in rows:
         row = _split(cells)
         for name, at in (("x", where["x"]), ("y", where["y"]), ("frame", where["frame"]), ("heading", heading)):
@@ -86,6 +87,7 @@ def _parsed(path, rows, where, heading):
         if where["time"] is not None:
             numbers["time"].append(_moment(path, line, row, where["time"], problems))
         animal.append(names.setdefault(row[where["id"]].strip() if where["id"] < len(row) else "", len(names)))
+        lines.append(line)
         check_size(path, 1, len(names))
         if len(problems) >= _TOLD:
             break
@@ -94,17 +96,22 @@ def _parsed(path, rows, where, heading):
     if not animal:
         raise refused(path, "has no rows")
     columns = {name: np.frombuffer(values) for name, values in numbers.items() if len(values)}
-    return columns, list(names), np.frombuffer(animal, np.int64)
+    return columns, list(names), np.frombuffer(animal, np.int64), np.frombuffer(lines, np.int64)
 
 
 def _grid(path, rows, columns):
     """(T, len(columns)) numbers of rows (line, cells), NaN where there is none; ProblemsError."""
     values = array("d")
-    for _, cells in rows:
+    problems: list[Problem] = []
+    for line, cells in rows:
         row = _split(cells)
-        values.extend(_float(row[at]) if at < len(row) else np.nan for at in columns)
+        values.extend(_number(path, line, f"column {at + 1}", row, at, problems) for at in columns)
         if len(values) > limits.TRACK_NUMBERS:
             raise refused(path, f"has more than {limits.TRACK_NUMBERS.text}; split it into parts")
+        if len(problems) >= _TOLD:
+            break
+    if problems:
+        raise ProblemsError(problems)
     if not values:
         raise refused(path, "has no rows")
     return np.frombuffer(values).reshape(-1, len(columns))
@@ -162,15 +169,19 @@ def _utc(cell):
     return (datetime.fromisoformat(cell) - datetime(2000, 1, 1)).total_seconds()
 
 
-def _long_table(path, header, where, columns, names, animal, degrees=False):
-    """The table of rows of named animals, from any kind of file."""
+def _long_table(path, header, where, columns, names, animal, lines, degrees=False):
+    """The table of rows of named animals, from any kind of file; ``lines`` says where they are."""
     about, notes = beside(path), []
     x, y = columns["x"], columns["y"]
-    valid = np.isfinite(x) & np.isfinite(y)
+    nameless = np.array([not name for name in names])[animal]
+    if nameless.any():
+        first = f"the first is line {lines[np.argmax(nameless)]}"
+        notes.append(f"{nameless.sum()} rows without an id were left out; {first}")
+    valid = np.isfinite(x) & np.isfinite(y) & ~nameless
     if where["frame"] is None:
         valid &= np.isfinite(columns["time"])
     if not valid.any():
-        raise refused(path, "no row has a position")
+        raise refused(path, "no row has an id and a position")
     unit = about.get("unit") if about.get("unit") in ("m", "px", "bl") else None
     if degrees:
         x, y = _metres(path, x, y, valid)
@@ -182,13 +193,16 @@ def _long_table(path, header, where, columns, names, animal, degrees=False):
         frames = _whole(path, columns["frame"][valid])
         fps = fps or _rate(columns["frame"], columns.get("time"))
     else:
-        frames, fps, off = _frames_of_times(path, columns["time"][valid])
-        if off > 0.25:
-            notes.append(f"times were rounded to {fps:g} frames per second")
+        frames, fps, off = _frames_of_times(path, columns["time"][valid], animal[valid])
     heading = None if degrees or "heading" not in columns else columns["heading"][valid]
-    xy, ids, numbers, turned = placed(
-        path, frames, names, animal[valid], np.column_stack([x[valid], y[valid]]), heading
-    )  # fmt: skip
+    places, animal, lines = np.column_stack([x[valid], y[valid]]), animal[valid], lines[valid]
+    if where["frame"] is None and np.abs(off).max() > ROUNDED:
+        places = _on_time(places, frames, off, animal)
+        notes.append(f"times of sights differ: positions are interpolated to common times, {1.0 / fps:.4g} s apart")
+        one = _nearest_in_time(frames, off, animal)
+        frames, places, animal, lines = frames[one], places[one], animal[one], lines[one]
+        heading = None if heading is None else heading[one]
+    xy, ids, numbers, turned = placed(path, frames, names, animal, places, heading, lines)
     return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes)
 
 
@@ -216,15 +230,45 @@ def _rate(frames, times):
     return float(np.ptp(frames[known]) / np.ptp(times[known]))
 
 
-def _frames_of_times(path, times):
-    """(frame numbers, frames a second, largest distance to a frame in frames) of times, s."""
-    steps = np.diff(np.unique(np.round(times, 6)))
-    if not len(steps):
-        raise refused(path, "all rows have the same time")
-    step = float(np.median(steps))  # shorter and longer ones are clocks that differ, and gaps
+def _frames_of_times(path, times, animal):
+    """(frame numbers, frames a second, how many frames later a sight is) of times (k,), s, of animals (k,).
+
+    The time from frame to frame is that between the sights of one animal: clocks may differ, and be rounded.
+    """
+    order = np.lexsort((times, animal))
+    gaps = np.diff(times[order])[np.diff(animal[order]) == 0]
+    gaps = gaps[gaps > 1e-6]
+    if not len(gaps):
+        raise refused(path, "no animal has sights at two times")
+    step = float(np.median(gaps))
+    for _ in range(2):  # gaps are whole steps
+        count = np.maximum(np.round(gaps / step), 1.0)
+        step = float(gaps.sum() / count.sum())
     frames = (times - times.min()) / step
     whole = np.round(frames)
-    return whole.astype(np.int64), float(1.0 / step), float(np.abs(frames - whole).max())
+    return whole.astype(np.int64), 1.0 / step, frames - whole
+
+
+def _on_time(places, frames, off, animal):
+    """Places (k, 2) at their frames, on straight lines from each sight to the one before or after."""
+    order = np.lexsort((frames + off, animal))
+    at, xy, late = (frames + off)[order], places[order], off[order]
+    other = np.clip(np.arange(len(order)) - np.where(late > 0, 1, -1), 0, len(order) - 1)
+    step = at[other] - at
+    near = (animal[order][other] == animal[order]) & (np.abs(step) > 0.1) & (np.abs(step) < 2.5)
+    share = np.where(near, -late / np.where(near, step, 1.0), 0.0)
+    out = np.empty_like(places)
+    out[order] = xy + share[:, None] * (xy[other] - xy)
+    return out
+
+
+def _nearest_in_time(frames, off, animal):
+    """(k,) bool: of several sights of an animal about the time of one frame the nearest, or those that are so."""
+    order = np.lexsort((np.abs(off), frames, animal))
+    again = (np.diff(frames[order]) == 0) & (np.diff(animal[order]) == 0) & (np.abs(np.diff(off[order])) > 1e-6)
+    keep = np.ones(len(frames), bool)
+    keep[order[1:][again]] = False
+    return keep
 
 
 def parquet_table(path) -> TrackTable:
@@ -254,10 +298,12 @@ def _parquet(path):
     with parquet.ParquetFile(path, read_dictionary=[column_names["id"]]) as file:  # long names are unpacked once
         data = file.read(columns=list(dict.fromkeys(column_names.values())))
     columns = {kind: _column(data[name]) for kind, name in column_names.items() if kind != "id"}
-    table = _long_table(path, header, where, columns, *_coded(path, data[column_names["id"]]))
-    about = {k.decode(): v.decode() for k, v in (schema.metadata or {}).items() if k in (b"fps", b"unit")}
+    coded = _coded(path, data[column_names["id"]])
+    table = _long_table(path, header, where, columns, *coded, np.arange(1, len(data) + 1))
+    about = {k.decode(): v.decode() for k, v in (schema.metadata or {}).items() if k in (b"boundary", b"unit")}
     if table.unit is None and about.get("unit") in ("m", "px", "bl"):
         table.unit = about["unit"]
+    table.notes += [WRAPPED] if about.get("boundary") == "wrap" else []
     return table
 
 
@@ -338,13 +384,6 @@ def _deeplabcut(path, header, rows) -> TrackTable:
 
 
 _HEADS = "scorer", "individuals", "bodyparts", "coords"
-
-
-def _float(cell):
-    try:
-        return float(cell)
-    except ValueError:
-        return np.nan
 
 
 def _idtracker(path, header, rows) -> TrackTable:

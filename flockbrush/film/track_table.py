@@ -11,6 +11,7 @@ import numpy as np
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 
+WRAPPED = "the level of this run is wrapped: across its edges distances are too large; measure its CSV or recording"
 SURE = 0.6  # confidence of a body part, below which it is taken as not seen
 
 
@@ -31,7 +32,7 @@ class TrackTable:
 # rows to places -------------------------------------------------------------------------------
 
 
-def placed(path, frames, names, animal, xy, heading=None):
+def placed(path, frames, names, animal, xy, heading=None, lines=None):
     """Positions on a grid of frames and animals, from one row for each animal in each frame.
 
     Parameters
@@ -44,6 +45,8 @@ def placed(path, frames, names, animal, xy, heading=None):
         Index into `names` of each row.
     xy : (k, 2) ndarray
     heading : (k,) ndarray, optional
+    lines : (k,) int ndarray, optional
+        Where the rows are in the file, for messages.
 
     Returns
     -------
@@ -70,8 +73,9 @@ def placed(path, frames, names, animal, xy, heading=None):
     order = np.argsort(flat, kind="stable")
     twice = np.flatnonzero(np.diff(flat[order]) == 0)
     if len(twice):
-        row = order[twice[0] + 1]
-        raise refused(path, f"animal {names[animal[row]][:80]} is in frame {frames[row]} twice (row {row + 2})")
+        one, row = order[twice[0]], order[twice[0] + 1]
+        where = "" if lines is None else f" (lines {lines[one]} and {lines[row]})"
+        raise refused(path, f"animal {names[animal[row]][:80]} is in frame {frames[row]} twice{where}")
     grid = np.full((length * len(present), 2), np.nan)
     grid[flat] = xy
     turned = None

@@ -18,6 +18,7 @@ from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 
 COLUMNS = ("frame", "id", "x", "y")
 _TOLD = 20  # problems of one file that are told
+LEFT = 1e-3  # least share of the sights that a smooth path does not follow by itself
 
 
 @dataclass
@@ -290,7 +291,8 @@ def _score(spans, stiffness):
         residual += float((span.weight[:, None] * (fit - span.y) ** 2).sum())
         sights += span.weight.sum()
         trace += own
-    return residual / sights / max(1.0 - trace / sights, 1e-6) ** 2
+    left = 1.0 - trace / sights
+    return residual / sights / left**2 if left > LEFT else np.inf  # a path through all sights tells nothing
 
 
 def central_differences(values):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from flockbrush.behaviours.brush import Brush
 from flockbrush.film.open_clip import Looking
-from flockbrush.film.track_files import UNITS
+from flockbrush.film.track_files import UNITS, is_tracks
 from flockbrush.learning.confounding import Estimate, estimates_of
 from flockbrush.learning.result import Findings
 from flockbrush.learning.which_model import ModelComparison
@@ -86,7 +86,7 @@ def learn(
     fps : float, optional
         Frames a second; required for arrays and for files without times.
     body_length : float, optional
-        Of one animal nose to tail, in metres or pixels as the tracks are; 1 m unless given.
+        Of one animal nose to tail, in metres or pixels as the tracks are (of films in metres); 1 m unless given.
     frames : (int, int), optional
         First and last frame to use, both included.
     name : str
@@ -134,21 +134,30 @@ def learn(
     from flockbrush.runs.cluster import Tls
 
     given: list = list(tracks) if isinstance(tracks, Sequence) and not isinstance(tracks, str) else [tracks]
-    if unit is not None and unit not in UNITS:
-        raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {unit!r}")
-    pixels = body_length if unit == "px" else None
-    looking = Looking(
-        frames=frames, unit=unit, fps=fps, body_length_px=pixels, body_length_m=None if unit == "px" else body_length
-    )
+    of_tracks = all(isinstance(one, np.ndarray) or is_tracks(one) for one in given)
+    looking = replace(_looking(unit, body_length, of_tracks), frames=frames, fps=fps)
     with tempfile.TemporaryDirectory(prefix="flockbrush-learn-") as folder:
         wishes = LearnOptions(
             clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],
             out=Path(folder) / f"{name}.brush.toml", looking=looking, report=None if report is None else Path(report),
             workers=None if cluster is None else (cluster, Tls()), command="flockbrush.learn(...)", silent=True,
-            length_m=body_length if unit == "m" and body_length else 1.0, **options,
+            length_m=None if of_tracks else looking.body_length_m, **options,
         )  # fmt: skip
         found = learn_brushes(wishes)[0]
     return result_of(found)
+
+
+def _looking(unit, body_length, of_tracks) -> Looking:
+    """How tracks or films are looked at; the length counts in the unit that tracks name themselves."""
+    if unit is not None and unit not in UNITS:
+        raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {unit!r}")
+    if body_length is not None and not (np.isfinite(body_length) and body_length > 0):
+        raise ValueError(f"body_length must be above 0, got {body_length!r}")
+    in_pixels = unit == "px" or (unit is None and of_tracks)
+    return Looking(
+        unit=unit, body_length_px=body_length if in_pixels else None,
+        body_length_m=None if unit == "px" else body_length,
+    )  # fmt: skip
 
 
 def _file(one, number, folder):

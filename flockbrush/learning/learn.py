@@ -72,7 +72,7 @@ class LearnOptions:
     report: Path | None = None
     ablate: tuple[str, ...] = ()
     speed: float | None = None
-    length_m: float = 1.0
+    length_m: float | None = None
     licence: str | None = None
     resume: bool = False
     quick: bool = False
@@ -353,8 +353,8 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     if wishes.quick and len(wholes) == 1:
         first.notes = ["Learned from the first part of the clip and tested on the rest: --quick fits no brush to all."]
         return first
-    parts = [f.learned for f in judged]
-    learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), parts=parts)
+    before = [f.learned for f in judged]
+    learned = _learned(wholes, herd, wishes, interrupts, False, part=len(judged), of=len(judged), parts=before)
     again = _found(herd, Fold(wholes, first.held), learned, wishes)
     alone = replace(wishes, beside=False)
     checks, theirs = (

@@ -53,7 +53,7 @@ def brush_of(
     *,
     seed: int,
     figures: Mapping[str, float] = {},
-    length_m: float = 1.0,
+    length_m: float | None = None,
     licence: str | None = None,
     colour: str | None = None,
     notes: Iterable[str] = (),
@@ -69,7 +69,7 @@ def brush_of(
     figures : dict of str to float
         What was measured, for the provenance.
     length_m : float
-        Length of one animal, metres: a film does not show it.
+        Length of one animal, metres: that of tracks in metres by default, else 1, since a film does not show it.
     licence : str, optional
         Of the clip.
     colour : "#rrggbb", optional
@@ -78,6 +78,7 @@ def brush_of(
         More to know.
     """
     clip, frames = evidences[0], evidences[0].fields.frames
+    length_m = length_m or (clip.body_length_px if clip.length_unit == "m" else 1.0)
     body = learned.body
     radius = min(body.radius / body.length, 0.5) * length_m
     provenance = Provenance(

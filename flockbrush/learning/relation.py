@@ -7,6 +7,9 @@ up to that distance.  For each distance on a grid the three weights follow by le
 distance is the likeliest one.  The strength is the share of the steering that the danger takes when it is near: what
 the drive `flee` takes of the body.  Errors come from a bootstrap over recordings, or over blocks of one recording.
 
+A reaction is reported if it is clear beside its error and says the turns better than in nearly all tables in which
+blocks have, by chance, the danger on the other side (a test by random signs; the distance is chosen in each).
+
 References
 ----------
 .. [1] Jadhav, V. et al. (2024). Collective responses of flocking sheep (Ovis aries) to a herding dog (border collie).
@@ -32,9 +35,10 @@ NEIGHBOURS = 6  # that are aligned with and approached
 SLOWEST = 0.2  # BL/s: slower animals have no sure heading
 DISTANCES = 32  # on the grid
 FREEDOM = 4.0  # of Student's t
-RESAMPLED = 60
+RESAMPLED, FLIPPED = 60, 99
+BY_CHANCE = 2  # of the tables that are turned over, that may say the turns as well
 BLOCK = 5.0  # s of one recording that are drawn together
-CLEAR = 3.0  # standard errors above 0 for a reaction to be reported: high, since the distance is chosen
+CLEAR = 3.0  # standard errors above 0 for a reaction to be reported
 FEWEST = 100  # turns
 EDGE = 0.9  # of the farthest distance seen: a notice distance beyond it is not reported
 
@@ -107,19 +111,28 @@ def learn_relation(recordings: list[Trajectories], danger: str, length: float, l
         raise ValueError(f"{sum(len(r) for r in rows)} turns near {danger!r} are too few; at least {FEWEST} are needed")
     table = np.concatenate(rows)
     grid = np.geomspace(max(np.quantile(table[:, 4], 0.02), 0.05), np.quantile(table[:, 4], 0.995), DISTANCES)
-    notice, strength = _fitted(table, grid)
+    loss, notice, strength = _fitted(table, grid)
     rng = np.random.default_rng(seed)
     drawn = [
         _fitted(np.concatenate([rows[k] for k in rng.integers(len(rows), size=len(rows))]), grid)
         for _ in range(RESAMPLED)
     ]
-    distances, strengths = np.array(drawn).T
+    _, distances, strengths = np.array(drawn).T
     error = float(strengths.std(ddof=1))
     low, high = np.quantile(distances, [1 / 6, 5 / 6]) * length
+    as_good = sum(_fitted(other, grid)[0] <= loss for other in _turned_over(rows, rng))
+    told = strength > CLEAR * error and as_good <= BY_CHANCE
     return LearnedRelation(
         danger, float(notice * length), (float(low), float(high)), float(strength), error,
-        bool(strength > CLEAR * error), bool(notice > EDGE * grid[-1]), recordings[0].unit, len(table),
+        bool(told), bool(notice > EDGE * grid[-1]), recordings[0].unit, len(table),
     )  # fmt: skip
+
+
+def _turned_over(rows, rng):
+    """Tables in which blocks, by chance, have the danger on the other side: as likely if nobody reacts to it."""
+    for _ in range(FLIPPED):
+        signs = rng.choice([-1.0, 1.0], len(rows))
+        yield np.concatenate([row * (1.0, 1.0, 1.0, sign, 1.0) for row, sign in zip(rows, signs, strict=True)])
 
 
 def relation_of_files(paths, danger: str, looking: Looking, leave_out=(), seed=0, as_json=False):
@@ -194,17 +207,17 @@ def _fear(distance, notice):
 
 
 def _fitted(table, grid):
-    """(notice distance, BL; strength) that say the turns best."""
+    """(loss, notice distance, BL; strength) that say the turns best."""
     best = None
     for notice in grid:
         columns = np.column_stack([table[:, 1], table[:, 2], table[:, 3] * _fear(table[:, 4], notice)])
         weights, loss = _least(columns, table[:, 0])
         if best is None or loss < best[0]:
             best = loss, notice, weights
-    _, notice, (aligned, together, away) = best
+    loss, notice, (aligned, together, away) = best
     others = max(aligned, 0.0) + max(together, 0.0)
     away = max(away, 0.0)
-    return notice, away / max(away + others, 1e-12)
+    return loss, notice, away / max(away + others, 1e-12)
 
 
 def _least(columns, turn):

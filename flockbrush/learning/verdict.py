@@ -224,7 +224,7 @@ def _contenders(battery: Battery, herds, helpers: Helpers, say) -> list[Contende
     """Each of the herds (name, brush, seeds beside the clip, seeds alone), all runs shared among the helpers."""
     common, whole = helpers.common(battery), battery.clip.fields.holds_all
     long = [(k, seed) for k, (_, _, _, seeds) in enumerate(herds) for seed in seeds if whole]
-    tasks = [(common, beside, brush, seeds) for _, brush, seeds, _ in herds]
+    tasks: list[tuple] = [(common, beside, brush, seeds) for _, brush, seeds, _ in herds]
     tasks += [(common, left_alone, herds[k][1], seed) for k, seed in long]
     found: dict[int, Any] = {}
     for task, result in helpers.run(_of_battery, tasks):

@@ -105,11 +105,14 @@ class LevelParameters(Parameters):
     seconds: float = quantity(30.0, "s", "duration of a run", 0, 1e6)
     agents: int | None = Field(None, ge=1, description="number of animals; default: the counts of the level")
     every: float | None = Field(None, gt=0, description="s; also store means over samples at this interval")
+    settle: float = quantity(0.0, "s", "with every: time after the start that means leave out", 0, 1e6)
 
     @model_validator(mode="after")
     def _one_world(self):
         if (self.level is None) == (self.plane is None):
             raise ValueError("must have either level or plane")
+        if self.settle and (self.every is None or self.settle >= self.seconds):
+            raise ValueError("settle needs every, and must be shorter than seconds")
         return self
 
 
@@ -147,7 +150,7 @@ class LevelRuns(Experiment):
         return [self._one(parameters, files, seed) for seed in seeds]
 
     def rehearse(self, parameters, files):
-        self._one(parameters | {"agents": FEW, "seconds": TICKS * DT, "every": None}, files, 0)
+        self._one(parameters | {"agents": FEW, "seconds": TICKS * DT, "every": None, "settle": 0.0}, files, 0)
 
     @staticmethod
     def _one(parameters, files, seed) -> Row:
@@ -161,6 +164,7 @@ class LevelRuns(Experiment):
             simulation = plane(*herd, density=parameters["density"], seed=seed)
         ticks = round(parameters["seconds"] / simulation.clock.dt)
         gap = max(1, round(parameters["every"] / simulation.clock.dt)) if parameters["every"] else 0
+        settled = round(parameters["settle"] / simulation.clock.dt)
         watch = _LevelMeasures(simulation)
         series: dict[str, list] = {}
         try:
@@ -168,7 +172,7 @@ class LevelRuns(Experiment):
                 if tick:
                     simulation.tick()
                     watch.counts.take()
-                if gap and (tick % gap == 0 or tick == ticks):
+                if gap and tick >= settled and (tick % gap == 0 or tick == ticks):
                     for name, value in watch.values().items():
                         series.setdefault("mean " + name, []).append(value)
             return watch.values() | {name: _mean(values) for name, values in series.items()}

@@ -9,6 +9,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from scipy.special import stdtrit
 
 import flockbrush
 from flockbrush.engine.files import whole
@@ -87,12 +88,15 @@ def summarise(sweep: Sweep, journal: Journal, wall=math.nan, workers=1) -> dict:
 
 
 def _moments(values):
+    """Mean and standard deviation over seeds, standard error of the mean, and its 95 % interval (Student's t)."""
     numbers = np.array([math.nan if value is None else value for value in values], float)
     numbers = numbers[np.isfinite(numbers)]
     if not len(numbers):
-        return {"mean": math.nan, "std": math.nan, "error": math.nan}
-    spread = float(numbers.std(ddof=1)) if len(numbers) > 1 else math.nan
-    return {"mean": float(numbers.mean()), "std": spread, "error": spread / math.sqrt(len(numbers))}
+        return {"mean": math.nan, "std": math.nan, "error": math.nan, "low": math.nan, "high": math.nan}
+    mean, spread = float(numbers.mean()), float(numbers.std(ddof=1)) if len(numbers) > 1 else math.nan
+    error = spread / math.sqrt(len(numbers))
+    wide = error * float(stdtrit(len(numbers) - 1, 0.975)) if len(numbers) > 1 else math.nan
+    return {"mean": mean, "std": spread, "error": error, "low": mean - wide, "high": mean + wide}
 
 
 def _shares(values):
@@ -159,7 +163,8 @@ def show(sweep: Sweep, summary):
         if sum(widths) + 3 * len(widths) <= WIDE:
             break
     right = [name for name in columns if name != "case"]
-    means = table(*columns, rows=rows, title=summary["title"] or summary["sweep"], right=right)
+    title = f"{summary['title'] or summary['sweep']}: means{' ± standard deviations' if spread else ''} over seeds"
+    means = table(*columns, rows=rows, title=title, right=right)
     for column in means.columns:
         column.no_wrap = column.justify == "right"
     print_table(means)

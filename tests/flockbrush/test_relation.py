@@ -42,10 +42,22 @@ def test_a_herd_that_does_not_care_is_not_said_to_flee():
     assert not found.told and "no reaction" in found.sentence
 
 
+def test_animals_that_care_for_nobody_are_not_said_to_flee_from_one_that_follows_them():
+    told = []
+    for seed in range(4):
+        rng, recording = np.random.default_rng(seed), herd(0.0, 6.0, seed)
+        angle = np.cumsum(rng.normal(0, 0.16, recording.xy.shape[:2]), axis=0)
+        xy = np.cumsum(0.1 * np.stack([np.cos(angle), np.sin(angle)], -1), axis=0)
+        for t in range(1, len(xy)):
+            xy[t, -1] = xy[t - 1, -1] + 0.05 * (xy[t, :-1].mean(0) - xy[t - 1, -1])
+        told.append(learn_relation([Trajectories(xy, recording.ids, 10.0, "m")], "dog", 1.0).told)
+    assert not any(told)
+
+
 def test_the_command_prints_a_line_for_a_species(tmp_path, capsys):
     paths = []
     for k in range(2):
-        one = herd(0.5, 6.0, k, 120)
+        one = herd(0.5, 6.0, k, 240)
         rows = [
             f"{t / 10},{who},{x:.4f},{y:.4f}"
             for t in range(len(one)) for who, (x, y) in zip(one.ids, one.xy[t], strict=True)
