@@ -6,6 +6,7 @@
     python benchmarks/learning.py foreign [--quick] [--write]   models not developed on (learning_foreign.py)
     python benchmarks/learning.py paper [--starts 2]            errors from fields and the paper's (learning_paper.py)
     python benchmarks/learning.py calibration [--count 60] [--write]  errors of the verdict (learning_calibration.py)
+    python benchmarks/learning.py errors [--herds 16]          numbers and the errors reported (learning_errors.py)
     python benchmarks/learning.py tracks --data DIR [--write]   tracks of real animals (learning_tracks.py)
     python benchmarks/learning.py sheep [--budget 90]           density overlap with real sheep (learning_sheep.py)
     python benchmarks/learning.py models [--seeds 3] [--write]  identify the model (learning_models.py)
@@ -38,6 +39,7 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parent.parent)]
 
 import learning_calibration  # noqa: E402
+import learning_errors  # noqa: E402
 import learning_foreign  # noqa: E402
 import learning_halves  # noqa: E402
 import learning_models  # noqa: E402
@@ -237,6 +239,7 @@ def main(argv=None):
     learning_foreign.add(parts)
     learning_paper.add(parts)
     learning_calibration.add(parts)
+    learning_errors.add(parts)
     learning_tracks.add(parts)
     learning_models.add(parts)
     learning_photos.add(parts)

@@ -72,6 +72,18 @@ def _checked(method):
     return after_check
 
 
+def places_of(cls, values):
+    """Pairs of fields of a command's class that are a place on the map, with these values, not a direction or a speed.
+
+    A class says in ``place_kinds`` of which ``kind`` (x, y) is a place: all, if it says nothing.
+    """
+    known = {f.name: f.default for f in fields(cls)}
+    kinds = getattr(cls, "place_kinds", None)
+    of_x = kinds is None or values.get("kind", known.get("kind")) in kinds
+    pairs = [("x", "y")] if of_x else []
+    return [pair for pair in (*pairs, ("to_x", "to_y"), ("at_x", "at_y")) if set(pair) <= set(known)]
+
+
 def to_record(cmd):
     """(name, fields) of a command, ready for JSON."""
     return type(cmd).__name__, {f.name: getattr(cmd, f.name) for f in fields(cmd)}

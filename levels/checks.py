@@ -10,6 +10,7 @@ import numpy as np
 from flockbrush.behaviours.brush import can_move, flies_free
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.engine import limits
+from flockbrush.engine.commands import places_of
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.levels import geometry
 from flockbrush.levels.properties import is_number, shown
@@ -136,7 +137,7 @@ class _Checks:
             )
 
     def can_do(self, spawn):
-        """A species moves as its brush does, and nobody who walks is born in the air."""
+        """A species moves as its brush does and those of its program, and nobody who walks is born in the air."""
         try:
             brush, species = self.library.get(spawn.brush), self.fauna.find(spawn.species)
         except ProblemsError as error:
@@ -145,13 +146,18 @@ class _Checks:
             return
         if species is None:
             return
-        if not can_move(species, brush):
-            needs = "flies" if flies_free(brush) else "walks or swims"
-            media = ", ".join(species.media)
-            self.place(spawn).say(
-                f"species {spawn.species!r} cannot use brush {spawn.brush!r}, which {needs}: its media are {media}"
-            )
-        elif not flies_free(brush) and not species.can("fly") and (spawn.altitude or spawn.depth):
+        followed = self.objects.reader.named_programs.get(spawn.program)
+        states = {} if followed is None else followed.states
+        uses = [(f"program {spawn.program!r}, state {name!r}: ", state.brush) for name, state in states.items()]
+        for where, name in [("", spawn.brush), *uses]:
+            if name in self.library.names() and not can_move(species, self.library.get(name)):
+                needs = "flies" if flies_free(self.library.get(name)) else "walks or swims"
+                media = ", ".join(species.media)
+                self.place(spawn).say(
+                    f"{where}species {spawn.species!r} cannot use brush {name!r}, which {needs}: its media are {media}"
+                )
+                return
+        if not flies_free(brush) and not species.can("fly") and (spawn.altitude or spawn.depth):
             self.place(spawn).say(f"species {spawn.species!r} does not fly; altitude and depth must be 0")
 
     def bounds(self):
@@ -250,8 +256,11 @@ class _Checks:
     def complete(self, key, known):
         """What a command wants and the properties leave out, the drawn object says: x, y, radius, points."""
         kind, points = self.objects.key_shapes[key.id]
-        shape = {"x": float(key.xy[0]), "y": float(key.xy[1]), "points": points.tolist()}
-        if kind == "area":
+        shape, area = {"points": points.tolist()}, kind == "area"
+        for pair in places_of(self.commands[key.command], key.args):
+            if area or pair == ("x", "y"):
+                shape |= dict(zip(pair, map(float, key.xy), strict=True))
+        if area:
             shape["radius"] = math.sqrt(geometry.signed_area(points) / math.pi)
         for name in known:
             if name in shape and name not in key.args:

@@ -6,6 +6,7 @@ import dataclasses
 import math
 
 import numpy as np
+from flockbrush.engine.commands import COMMANDS, places_of
 from flockbrush.engine.raster import Raster
 from flockbrush.systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
 
@@ -31,11 +32,15 @@ def scaled(level, agents):
 
 
 def _shares(counts, total):
-    """Whole numbers in proportion to ``counts`` that add up to ``total``."""
+    """Whole numbers in proportion to ``counts`` that add up to ``total``, at least 1 each if it is enough for all."""
     exact = np.array(counts, float) * total / sum(counts)
     whole = np.floor(exact).astype(int)
     for k in np.argsort(whole - exact, kind="stable")[: total - whole.sum()]:
         whole[k] += 1
+    none = np.flatnonzero((np.array(counts) > 0) & (whole == 0))
+    for k in none if total >= np.count_nonzero(counts) else ():
+        whole[np.argmax(whole)] -= 1
+        whole[k] = 1
     return whole.tolist()
 
 
@@ -80,16 +85,20 @@ def _grown(level):
         exits=[moved(e, "polygon") for e in level.exits],
         lines=[moved(line, "points") for line in level.lines],
         areas=[moved(a, "polygon") for a in level.areas],
-        script=[dataclasses.replace(key, xy=key.xy + shift, args=_moved_args(key.args, shift)) for key in level.script],
+        script=[
+            dataclasses.replace(key, xy=key.xy + shift, args=_moved_args(key.command, key.args, shift))
+            for key in level.script
+        ],
     )
 
 
-def _moved_args(args, shift):
+def _moved_args(command, args, shift):
     """The arguments of a command whose map has grown to the south-west."""
     moved = dict(args)
-    for name, metres in zip("xy", shift.tolist(), strict=True):
-        if isinstance(args.get(name), (int, float)) and args.get("kind") != "direction":
-            moved[name] = args[name] + metres
+    for pair in places_of(COMMANDS[command], args) if command in COMMANDS else ():
+        for name, metres in zip(pair, shift.tolist(), strict=True):
+            if isinstance(args.get(name), (int, float)):
+                moved[name] = args[name] + metres
     points = args.get("points")
     if isinstance(points, list) and all(isinstance(p, list) and len(p) == 2 for p in points):
         moved["points"] = [[x + shift[0], y + shift[1]] for x, y in points]

@@ -10,17 +10,15 @@ from flockbrush.engine import limits
 from flockbrush.engine.commands import command
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.problems import did_you_mean
-from flockbrush.systems.binding import cannot
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import spawn_animals
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.population import SpeciesList
-from flockbrush.systems.programs import Programs
 from flockbrush.systems.selection import (
     OfAnimals,
     able,
     check_brush,
     check_can,
+    check_can_come,
     check_circle,
     check_species,
     species_of,
@@ -62,6 +60,7 @@ class Migrate(OfAnimals):
     ``kind = "none"`` sets it free.  All, one species, or those within ``radius`` of (at_x, at_y).
     """
 
+    place_kinds = ("point",)
     changes = (Migration.kind, Migration.target, Migration.next, Migration.left)
     x: float
     y: float
@@ -139,12 +138,7 @@ class AddAnimals:
 
     def check(self, world):
         check_brush(world, self.brush)
-        if self.program:
-            world.resource(Programs).named(self.program)
-        fauna = world.resource(SpeciesList)
-        species = SpeciesList([self.species], fauna.library)  # it may be new to this world
-        why = cannot(world.resource(Palette), species, self.brush, self.species)
-        need(not why, why)
+        check_can_come(world, self.species, self.brush, self.program)
         need(self.radius > 0, f"radius must be above 0 m, got {self.radius:g}")
         need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
 

@@ -155,6 +155,15 @@ def cannot(palette, fauna, brush, species):
     return f"species {species!r} cannot use brush {brush!r}, which {needs}: its media are {', '.join(asset.media)}"
 
 
+def cannot_follow(palette, fauna, program, species):
+    """A sentence why a species (by name) cannot follow a program; "" when it can."""
+    for name, state in program.states.items():
+        why = cannot(palette, fauna, state.brush, species) if state.brush in palette.names else ""
+        if why:
+            return f"program {program.name!r}, state {name!r}: {why}"
+    return ""
+
+
 def sheets_of(level, palette_names):
     """The `Sheets` of a level's layers: those that say whom they bind, and its layers one by one."""
 

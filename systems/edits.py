@@ -30,7 +30,7 @@ from flockbrush.systems.obstacle_commands import (
 )
 from flockbrush.systems.paint_commands import FAR, LAYERS, Paint, PaintCells, fill, off_the_map, pick, region
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.programs import Programs
+from flockbrush.systems.selection import check_can_come
 from flockbrush.systems.undo import TouchedAnimals, TouchedColumns, UseBrush, goal_index, need
 
 __all__ = [
@@ -253,8 +253,7 @@ class MarkSpawn(OfThing):
         land = world.resource(Landscape)
         check_id(self)
         world.resource(Palette).named(self.brush)
-        if self.program:
-            world.resource(Programs).named(self.program)
+        check_can_come(world, self.species, self.brush, self.program)
         need(0 <= self.count <= MOST, f"count must be 0 to {MOST}, got {self.count}")
         need(self.count or self.rate, "count must be at least 1, got 0")
         need(self.species, "a species needs a name")

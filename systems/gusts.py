@@ -21,6 +21,7 @@ class Gust(OfAnimals):
     all and at others twice as much.
     """
 
+    place_kinds = ()  # (x, y) is a wind
     changes = (FormationPlace.gust, FormationPlace.wind, FormationPlace.felt, FormationPlace.lull)
     x: float
     y: float

@@ -92,6 +92,7 @@ class Steer(ToLeaders):
     ``radius`` of (at_x, at_y).
     """
 
+    place_kinds = ("place",)
     changes = (Leading.kind, Leading.target)
     entities: list = field(default_factory=list)
     x: float = 0.0

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 from flockbrush.components.level_things import ZONE
-from flockbrush.engine.commands import COMMANDS, command, from_record
+from flockbrush.engine.commands import COMMANDS, command, from_record, places_of
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import MEDIA
 from flockbrush.systems.edits import OfOutline, OfThing, away_by_id, check_id, check_on_map, put_thing
@@ -150,8 +148,9 @@ class PlaceKey(OfThing):
 
     def given(self):
         """The command's arguments, with the place where the key stands."""
-        known = {f.name for f in fields(COMMANDS[self.command])} if self.command in COMMANDS else set()
-        return {name: getattr(self, name) for name in "xy" if name in known} | self.args
+        known = COMMANDS.get(self.command)
+        here = known is not None and ("x", "y") in places_of(known, self.args)
+        return ({"x": self.x, "y": self.y} if here else {}) | self.args
 
     def rescript(self):
         """(key, s, command): what the script does from now on."""

@@ -8,14 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.behaviours.program import known_brushes, load_program
 from flockbrush.behaviours.trigger import Happening
-from flockbrush.components import ProgramState
+from flockbrush.components import ProgramState, Species
 from flockbrush.components.program_state import BY_COMMAND
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.programs import Programs, enrol, put_in_state, replace_program
-from flockbrush.systems.selection import OfAnimals, check_circle
+from flockbrush.systems.selection import OfAnimals, check_can_follow, check_circle
 from flockbrush.systems.undo import TouchedColumns, need
 
 COLUMNS = tuple(ProgramState.fields.values())
@@ -144,6 +145,8 @@ class GiveProgram(OfAnimals):
         check_circle(self)
         if self.program:
             world.resource(Programs).named(self.program)
+            fauna, kinds = world.resource(SpeciesList), np.unique(world.agents[Species.index][self.rows(world)])
+            check_can_follow(world, self.program, SpeciesList([fauna.names[k] for k in kinds], fauna.library))
 
     def apply(self, world):
         enrol(world, world.agents.ids[self.rows(world)], self.program)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.components import Position, Species
 from flockbrush.engine.problems import did_you_mean
-from flockbrush.systems.binding import can_do, cannot
+from flockbrush.systems.binding import can_do, cannot, cannot_follow
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
+from flockbrush.systems.programs import Programs
 from flockbrush.systems.undo import OfThese, need
 
 
@@ -44,6 +45,22 @@ def check_can(world, brush, species):
     """ValueError when a species is named that cannot move as a brush does."""
     why = cannot(world.resource(Palette), world.resource(SpeciesList), brush, species)
     need(not why, why)
+
+
+def check_can_come(world, species, brush, program):
+    """ValueError when a species, which may be new to this world, cannot move as a brush or a program does."""
+    fauna = SpeciesList([species], world.resource(SpeciesList).library)
+    why = cannot(world.resource(Palette), fauna, brush, species)
+    need(not why, why)
+    check_can_follow(world, program, fauna)
+
+
+def check_can_follow(world, program, fauna):
+    """ValueError when one of these species cannot move as a brush in a state of a program (a name, or "") does."""
+    programs = world.resource(Programs)
+    for species in fauna.names if program else ():
+        why = cannot_follow(world.resource(Palette), fauna, programs.programs[programs.named(program)], species)
+        need(not why, why)
 
 
 def species_of(world, row):

@@ -292,8 +292,9 @@ class PutColumns(OfThese):
         return [known[name] for name in sorted(self.columns)]
 
     def apply(self, world):
-        rows = rows_of(world, self.entities)
-        columns = {field: _unpacked(field, self.columns, len(rows)) for field in self.changes}
+        rows, packed = rows_of(world, self.entities), np.unique(self.entities)
+        here = np.isin(packed, world.agents.ids[rows])  # some may have left the world since
+        columns = {field: _unpacked(field, self.columns, len(packed))[here] for field in self.changes}
         need_known_programs(world, columns)
         for field, values in columns.items():
             world.agents[field][rows] = values

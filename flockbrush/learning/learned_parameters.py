@@ -96,12 +96,13 @@ def forces_of(theta, extras):
 def told_of(theta, spread, deviation=None):
     """(12,) bool, identifiable numbers: those on which all equally good herds and the turns of animals agree.
 
-    A number at its bound is only known to lie there or beyond, and the ranges of a force that is weak beside the
-    others, may be none at all, or whose weight is not told, mean nothing.
+    A number at its bound is only known to lie there or beyond, and so is a weight of less than two deviations.  The
+    ranges of a force that is weak beside the others, may be none at all, or whose weight is not told, mean nothing.
     """
     theta = np.asarray(theta, float)
     deviation = np.zeros(12) if deviation is None else np.asarray(deviation)
     told = (spread < SURE) & (deviation < SURE) & (theta > 1.01 * LEAST) & (theta < MOST)
+    told[0::3] &= theta[0::3] > 2.0 * deviation[0::3]
     for k in range(0, 12, 3):
         faint = theta[k] < max(3.0 * deviation[k], FAINT * theta[0:9:3].max())
         told[k + 1 : k + 3] &= told[k] and not faint

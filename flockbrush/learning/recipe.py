@@ -160,8 +160,7 @@ class _Search:
         self.quick = settings.quick
         self.by_fields = any(not followed(clip) for clip in given.clips)
         self.attempts: list[Attempt] = []
-        self.deviation: dict[int, np.ndarray] = {}
-        self.correlation: dict[int, np.ndarray] = {}
+        self.fitted: list[int] = []  # attempts whose forces come from a fit to turns
         self.budget = settings.budget_s * RATE
         if settings.begins is None:
             draws, spin = (QUICK_DRAWS if self.quick else DRAWS) if self.by_fields else 0, rotation_of(given.seen)
@@ -220,18 +219,14 @@ class _Search:
         self.say(0, count, np.nan, "descents")
         chosen = [task for task, fit in zip(tasks, fits, strict=True) if fit]
         results = iter(workers.map(descend, chosen, lambda done: self.say(done, count, np.nan, "descents")))
-        fitted, found_of = [], {}
         for k, ((name, theta, extras), task) in enumerate(zip(self.begins, tasks, strict=True)):
             if not random[k]:  # as it is, too
                 self._add(Attempt(name, task["seed"], theta, theta, extras))
                 name += ", fitted"
             if fits[k]:
-                found = next(results)
-                fitted.append(self._add_found(Attempt(name, task["seed"], theta, theta, extras), found))
-                found_of[fitted[-1]] = found
-        turned = [k for k, found in found_of.items() if "deviation" in found]
-        if turned:
-            self._limit(workers, turned)
+                self._add_found(Attempt(name, task["seed"], theta, theta, extras), next(results))
+        if self.fitted:
+            self._limit(workers, list(self.fitted))
 
     def _limit(self, workers, fitted):
         """The best fit of each view range to more turns, with and without a limit of turning, and wandering."""
@@ -260,28 +255,25 @@ class _Search:
         """These, wandering so much that herds scatter as the animals of the clip do."""
         seed, parents = _seed(self.seed, 7, 0), [self.attempts[k] for k in which]
         tasks = [{"theta": a.theta.tolist(), "extras": a.extras, "seed": seed} for a in parents]
-        for k, parent, found in zip(which, parents, workers.map(wandering, tasks), strict=True):
+        for parent, found in zip(parents, workers.map(wandering, tasks), strict=True):
             for factor in WANDERING if 0.0 < found["wander"] < MOST_WANDER else ():
                 extras = parent.extras | {"wander": factor * found["wander"], "wander_time": found["wander_time"]}
                 name, theta = f"{parent.name}, wandering {factor:g}", np.array(found["theta"])
                 new = dataclasses.replace(parent, name=name, theta=theta, extras=extras)
-                self._add(new, self.deviation.get(k), self.correlation.get(k))
+                self._add(new, True)
 
     def _add_found(self, attempt, found):
         return self._add(
             dataclasses.replace(
                 attempt, theta=np.array(found["theta"]), extras=found["extras"], loss=np.array(found["loss"])
             ),
-            found.get("deviation"),
-            found.get("correlation"),
+            found["by_turns"],
         )
 
-    def _add(self, new, deviation=None, correlation=None):
+    def _add(self, new, by_turns=False):
         self.attempts.append(new)
-        if deviation is not None:
-            self.deviation[len(self.attempts) - 1] = np.array(deviation)
-        if correlation is not None:
-            self.correlation[len(self.attempts) - 1] = np.array(correlation)
+        if by_turns:
+            self.fitted.append(len(self.attempts) - 1)
         return len(self.attempts) - 1
 
     def _judge(self, workers, which, seeds, held, text, over=None, dt=COARSE_DT):
@@ -405,7 +397,7 @@ class _Search:
 
     def _interacting(self, workers, which):
         """Those that answer to their neighbours, where the clip shows that its animals do."""
-        fits = list(self.deviation)
+        fits = self.fitted
         asked = list(dict.fromkeys([*fits, *which])) if fits else []
         tasks = [
             {"theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras} for k in asked
@@ -443,12 +435,10 @@ class _Search:
                 self._add(Attempt(name, self.seed, theta, theta, extras))
             chosen = len(self.attempts) - 1
         best = self.attempts[chosen]
-        deviation, alike = self._of_last_fit(best, self.deviation), self._alike(chosen)
-        correlation = self._of_last_fit(best, self.correlation)
-        if deviation is None and not self.interrupted:  # a shipped brush as it is was never fitted
-            deviation, correlation = certainty(given, best.theta, best.extras) or (None, None)
-        if correlation is not None:
-            correlation = np.where(np.abs(correlation) <= 1.0 + 1e-6, correlation, np.nan)
+        fits = [(self.attempts[k].theta, self.attempts[k].extras) for k in self.fitted]
+        asked = fits or not self.interrupted
+        deviation, correlation = (certainty(given, best.theta, best.extras, fits) if asked else None) or (None, None)
+        alike = self._alike(chosen)
         spread = np.std([forces_of(a.theta, a.extras) for a in alike], axis=0)
         identifiable = told_of(best.theta, spread, deviation)
         if deviation is None and len({a.name.split(",")[0] for a in alike}) < AGREEING:
@@ -460,11 +450,6 @@ class _Search:
             best.extras, self.attempts, chosen, spread, deviation, identifiable, dict(best.figures),
             self._notes(best), self.interrupted, correlation,
         )  # fmt: skip
-
-    def _of_last_fit(self, best, kept):
-        """What was kept of the last fit that this came from."""
-        near = [k for k in kept if best.name.startswith(self.attempts[k].name)]
-        return kept[max(near, key=lambda k: len(self.attempts[k].name))] if near else None
 
     def _alike(self, chosen):
         """Those about as good, wherever they came from."""

@@ -57,7 +57,8 @@ LOST = 4.0  # deviations from what it was, from which on a herd is just another 
 TOO_MANY = 1000  # animals: larger herds are not tried
 RULES = "neighbour_range", "leader_neighbours", "leader_cone"  # parameters by which turns are chosen
 SIGHTS = 4.0, 8.0, 16.0  # BL
-UNKNOWN = 9.0  # stands for a correlation that is not known, in JSON
+HIDDEN = 0.1  # of a number, by which smoothed turns put it off, about
+NEAR, ALIKE = 40, 0.05  # steps to the likeliest numbers; nats a turn by which others are about as likely
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,7 +148,7 @@ _known: dict[tuple, tuple] = {}
 
 
 def descend(given: Setting, theta, extras, seed, rows=FEW, span=LONG_SPAN):
-    """One descent: {theta, extras, loss}; and of turns also how sure they are."""
+    """One descent: {theta, extras, loss, by_turns}."""
     if all(followed(clip) for clip in given.seen):
         found = _descend_on_turns(given, np.array(theta), dict(extras), rows, span)
         if found is not None:
@@ -171,11 +172,7 @@ def _descend_on_turns(given, theta, extras, rows, span):
     if turns is None or not len(turns.ticks):
         return None
     fit = fit_turns(thinned(turns, rows), theta, params, free=free, tolerance=1e-5)
-    return {
-        "theta": theta_seen(fit, free).tolist(), "extras": extras, "loss": fit.loss.tolist(),
-        "deviation": np.minimum(fit.deviation, 1e6).tolist(),
-        "correlation": np.nan_to_num(correlation_of(fit.information), nan=UNKNOWN).tolist(),
-    }  # fmt: skip
+    return {"theta": theta_seen(fit, free).tolist(), "extras": extras, "loss": fit.loss.tolist(), "by_turns": True}
 
 
 def wandering(given: Setting, theta, extras, seed):
@@ -240,8 +237,13 @@ def stiffness(given: Setting, theta, extras) -> np.ndarray | None:
     return fit_turns(few, theta, params_of(theta, extras), steps=0).information / few.weight.sum()
 
 
-def certainty(given: Setting, theta, extras) -> tuple[np.ndarray, np.ndarray] | None:
-    """(deviation (12,), correlation (12, 12)) of the given numbers, from the turns; None without turns."""
+def certainty(given: Setting, theta, extras, others=()) -> tuple[np.ndarray, np.ndarray] | None:
+    """(error (12,), correlation (12, 12)) of the given numbers, from the turns; None without turns.
+
+    The error is made of what the turns leave open (Cramér-Rao), of how far the likeliest numbers near by are, of the
+    scatter of ``others``, (theta, extras), by which turns are about as likely or likelier, and of what smoothing hides
+    of turns.
+    """
     from flockbrush.learning.turns import fit_turns, thinned
 
     if not all(followed(clip) for clip in given.seen):
@@ -249,8 +251,25 @@ def certainty(given: Setting, theta, extras) -> tuple[np.ndarray, np.ndarray] | 
     turns = _turns(given, extras, LONG_SPAN)
     if turns is None or not len(turns.ticks):
         return None
-    fit = fit_turns(thinned(turns, MANY), theta, params_of(theta, extras), free=_free(given), steps=0)
-    return np.minimum(fit.deviation, 1e6), correlation_of(fit.information)
+
+    def fit(numbers, rows, steps=0):
+        return fit_turns(thinned(turns, rows), numbers, params_of(numbers, extras), free=_free(given), steps=steps)
+
+    here, near = fit(theta, MANY), fit(theta, MANY, NEAR).theta
+    same = [np.concatenate([rescaled_to(other, own, extras), theta[9:]]) for other, own in others]
+    worths = [fit(one, FEW).loss[-1] for one in same]
+    limit = min(*worths, fit(near, FEW).loss[-1], np.inf) + ALIKE
+    alike = [near, *(one for one, worth in zip(same, worths, strict=True) if worth < limit)]
+    off = np.fmax(np.abs(near - theta), np.sqrt(np.mean(np.square(alike - theta), axis=0)))
+    error = np.sqrt(here.deviation**2 + off**2 + (HIDDEN * np.asarray(theta)) ** 2)
+    return np.minimum(error, 1e6), correlation_of(here.information)
+
+
+def rescaled_to(theta, own, extras):
+    """The first nine numbers with weights at another Ω: only their product with it acts."""
+    out = np.array(theta[:9], float)
+    out[::3] *= own.get("sensitivity", 10.0) / extras.get("sensitivity", 10.0)
+    return out
 
 
 def interaction(given: Setting, theta, extras):
@@ -284,7 +303,8 @@ def _descend_on_fields(given, theta, extras, seed):
     how = given.use, given.beta, given.speed, given.body, given.vision(extras), extras, given.device
     clips = [FollowedClip(clip, *how) for clip in given.seen]
     found = descend_on_fields(clips, theta, free=_free(given), seed=seed, steps=DESCENT)
-    return {"theta": found.theta.tolist(), "extras": extras, "loss": np.asarray(found.losses).tolist()}
+    loss = np.asarray(found.losses).tolist()
+    return {"theta": found.theta.tolist(), "extras": extras, "loss": loss, "by_turns": False}
 
 
 def attempt(given: Setting, theta, extras, seeds, held, dt=COARSE_DT, begin=0):

@@ -100,7 +100,10 @@ def start(
 
 
 def _with_brush(level, library, brush):
-    """(level, library) with the brush of every spawn replaced in the level's file, so that a recording embeds it."""
+    """(level, library) with the brush of every spawn in the level's file replaced, and none following a program.
+
+    A recording embeds the file.
+    """
     path = Path(brush)
     asset = load_brush(path) if path.name.endswith(SUFFIX) else library.get(str(brush))
     built = build(level, library=library)
@@ -110,7 +113,7 @@ def _with_brush(level, library, brush):
     spawns, document = {spawn.id for spawn in level.spawns}, parsed_document(files[name])
     for thing in _objects(document):
         if thing["id"] in spawns:
-            others = [entry for entry in thing.get("properties", []) if entry["name"] != "brush"]
+            others = [entry for entry in thing.get("properties", []) if entry["name"] not in ("brush", "program")]
             thing["properties"] = [*others, {"name": "brush", "type": "string", "value": asset.name}]
     files[name] = json.dumps(document).encode()
     files[f"brushes/{asset.name}{SUFFIX}"] = asset.source

@@ -239,14 +239,37 @@ def test_the_map_grows_where_a_larger_herd_would_not_fit_and_all_moves_along():
     simulation.run(35)  # the script, too, works there
 
 
+def test_places_of_a_command_move_with_the_map_and_directions_do_not():
+    ground = level(
+        spawns=[spawn(box(10, 10, 30, 30), "walk", 20, id=1)],
+        script=[
+            key("Gust", x=3.0, y=0.0, at_x=5.0, at_y=6.0, radius=4.0),
+            key("Migrate", x=1.0, y=0.0, z=0.0, kind="direction"),
+            key("Migrate", x=1.0, y=2.0, z=0.0), key("Steer", x=0.0, y=1.0), key("Steer", x=7.0, y=8.0, kind="place"),
+            key("Paint", layer="brush", value="walk", x=1.0, y=1.0, to_x=2.0, to_y=3.0, radius=1.0),
+        ],
+    )  # fmt: skip
+    shift = (scaled(ground, 2000).script[2].args["x"] - 1.0, scaled(ground, 2000).script[2].args["y"] - 2.0)
+    assert min(shift) > 0
+    args = [key.args for key in scaled(ground, 2000).script]
+    assert (args[0]["x"], args[0]["y"]) == (3.0, 0.0) and args[0]["at_x"] == 5.0 + shift[0]
+    assert (args[1]["x"], args[1]["y"]) == (1.0, 0.0) and (args[3]["x"], args[3]["y"]) == (0.0, 1.0)
+    assert args[4]["x"] == 7.0 + shift[0] and args[5]["to_y"] == 3.0 + shift[1]
+
+
 def test_fewer_animals_never_make_a_gate_endless():
     gate = spawn(box(5, 5, 9, 9), "walk", 3, id=2, rate=5.0)
     ground = level(
         spawns=[spawn(box(10, 10, 30, 30), "walk", 97, id=1), gate, spawn(box(5, 20, 9, 24), "walk", 0, id=3, rate=1.0)]
     )
     few = scaled(ground, 5)
-    assert [s.id for s in few.spawns] == [1, 3]  # 3 of 100 are nobody of 5; the endless one stays
-    assert few.spawns[1].rate == pytest.approx(0.05)
+    assert [(s.id, s.count) for s in few.spawns] == [
+        (1, 4),
+        (2, 1),
+        (3, 0),
+    ]  # no spawn is left out
+    assert few.spawns[1].rate == pytest.approx(0.25) and few.spawns[2].rate == pytest.approx(0.05)
+    assert [s.id for s in scaled(ground, 1).spawns] == [1, 3]
 
 
 def test_there_must_be_somebody_to_scale():

@@ -335,7 +335,7 @@ class TestScript:
     def test_a_script_that_cannot_run_is_told(self, values, message):
         assert message in problem(self.script(**values))
 
-    @pytest.mark.parametrize("command", ["Migrate", "Gust", "RemoveAnimals"])
+    @pytest.mark.parametrize("command", ["Migrate", "RemoveAnimals"])
     def test_a_species_that_nobody_is_of_is_told_when_the_level_is_read(self, command):
         def told(*script):
             keys = [thing(k, "Key", 80, 80, extra={"point": True}, **v) for k, v in enumerate(script, 2)]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from edited_scene import CALM, NEW, RUN, SQUARE, do, land_of, nobody_in_walls, scene, settled
 from flockbrush.behaviours.brush_writer import brush_to_toml
+from flockbrush.components import FormationPlace, Leading, Migration
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.state import restore, snapshot, state_hash
@@ -12,6 +13,7 @@ from flockbrush.levels.schema import Goal
 from flockbrush.systems.commands import (
     AddAnimals,
     AddObstacle,
+    Migrate,
     MoveGoal,
     PaintBrush,
     PaintCap,
@@ -23,6 +25,8 @@ from flockbrush.systems.commands import (
     SwitchBrush,
 )
 from flockbrush.systems.edits import KINDS, DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, UseBrush
+from flockbrush.systems.gusts import Gust
+from flockbrush.systems.leaders import Appoint
 from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -104,6 +108,24 @@ def test_an_edit_of_several_commands_is_done_whole_or_not_at_all():
     with pytest.raises(CommandError, match="no goal 'nowhere'"):
         do(simulation, *good, SendTo("nowhere"))
     assert settled(simulation) == before
+
+
+@pytest.mark.parametrize(
+    "command", [Appoint(), Migrate(5.0, 15.0, 0.0), Gust(5.0, 0.0), SendTo("well")], ids=lambda c: type(c).__name__
+)
+def test_animals_that_have_left_the_world_hinder_no_undo(command):
+    simulation = scene()
+    before = {
+        field: simulation.world.agents[field].copy()
+        for field in (Leading.appointed, Migration.kind, FormationPlace.gust)
+    }
+    back = do(simulation, command)
+    do(simulation, RemoveAnimals(10.0, 10.0, 1.0))
+    ids = np.asarray(simulation.world.agents.ids)
+    assert len(ids) == 4
+    do(simulation, *back)
+    for field, values in before.items():
+        np.testing.assert_array_equal(simulation.world.agents[field], values[1:])
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,13 @@ from flockbrush.engine.state import state_hash
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Level, Spawn
 from flockbrush.systems.commands import AddAnimals, PaintBrush, RemoveAnimals
+from flockbrush.systems.edits import MarkSpawn
 from flockbrush.systems.program_commands import Event, ForgetProgram, GiveProgram, SetState, UseProgram
 from flockbrush.systems.program_reports import reason
 from flockbrush.systems.programs import Programs
 from small_program import SIZE, area, box, brushes, program, put, states, two_states, world
+
+import flockbrush
 
 HERE, FAR = (0, 0), (60, 0)
 GO = "when = { event = 'go' }"
@@ -139,6 +142,23 @@ def test_newborns_begin_in_the_first_state_under_its_brush():
     scene.submit(AddAnimals("graze", 120.0, 120.0, 3.0, 2, "sheep", program="small"))
     scene.run(1)
     assert states(scene) == ["run"] * 3 and brushes(scene) == ["march"] * 3
+
+
+def test_nobody_is_given_a_program_by_which_he_would_fly():
+    lake = flockbrush.start("lake")
+    commands, before = lake.world.resource(Commands), state_hash(lake.world)
+    commands.perform(lake.world, [AddAnimals("rest", 20.0, 20.0, 3.0, 2, "sheep")])
+    for command in (
+        AddAnimals("rest", 30.0, 30.0, 3.0, 2, "sheep", program="lake-goose"),
+        GiveProgram("lake-goose", species="sheep"),
+        MarkSpawn(
+            90, "pen", [[30, 30], [34, 30], [34, 34], [30, 34]], "rest", species="sheep", program="lake-goose", count=2
+        ),
+    ):
+        with pytest.raises(CommandError, match="lake-goose.*species 'sheep' cannot use brush 'geese', which flies"):
+            commands.perform(lake.world, [command])
+    commands.perform(lake.world, [GiveProgram("lake-goose", species="goose")])
+    assert state_hash(lake.world) != before
 
 
 # commands ------------------------------------------------------------------------------
