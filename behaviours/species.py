@@ -79,7 +79,9 @@ class FlySpec(Spec):
 
     speed: float = spec_field(20.0, "top speed in the air", "m/s", gt=0, le=200)
     flee: float = spec_field(20.0, "flying speed at full fear", "m/s", gt=0, le=200)
-    slowest: float = spec_field(5.0, "lowest flying speed; it takes off and touches down at this speed", "m/s", ge=0)
+    slowest: float = spec_field(
+        5.0, "lowest flying speed; it takes off and touches down at it, and no speed limit holds it below", "m/s", ge=0
+    )
     acceleration: float = spec_field(
         10.0, "largest acceleration for speeding up, braking, turning and climbing", "m/s²", gt=0, le=500
     )

@@ -31,12 +31,13 @@ _WORDS = {
 class CommandError(ValueError):
     """A command failed; ``str()`` tells tick, command and reason.  The world is unchanged.
 
-    ``source`` is the recording that it is from, if it is from one.
+    ``source`` is the recording that it is from, if it is from one, and ``key`` the object of the script, or 0.
     """
 
-    def __init__(self, tick, cmd, reason, source=""):
+    def __init__(self, tick, cmd, reason, source="", key=0):
         shown = repr(cmd)
         place = f"{source}: tick {tick}" if source else f"tick {tick}"
+        place += f", object {key} in layer 'script'" if key else ""
         super().__init__(f"{place}: {shown if len(shown) < 200 else shown[:190] + '...'}: {reason}")
         self.tick, self.command, self.reason = tick, cmd, str(reason)
 
@@ -271,11 +272,11 @@ class Commands:
         """
         now = world.resource(Clock).tick
         while self._pending and self._pending[0][0] <= now:
-            _, _, cmd, _ = heapq.heappop(self._pending)
+            _, _, cmd, key = heapq.heappop(self._pending)
             try:
                 cmd.apply(world)
             except (ValueError, LookupError) as error:
-                raise CommandError(now, cmd, error.args[0] if error.args else error, self.source) from error
+                raise CommandError(now, cmd, error.args[0] if error.args else error, self.source, key) from error
             self._applied(world, cmd)
 
     def perform(self, world, commands):

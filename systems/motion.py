@@ -103,10 +103,10 @@ def _fly(world, near, max_turn, top):
     order = np.flatnonzero(near.aloft)
     table, species = world.resource(SpeciesList).table, agents[Species.index]
     climb = np.where(table.known[species], table.climb[species], np.inf)  # who is not described has no limits
+    cap = np.maximum(agents[Ground.cap], table.slowest[species])  # nobody is held below the speed at which he flies
     limits = FlightLimits(
-        palette.flight, agents[BrushBinding.brush], max_turn, climb, agents[Speed.target],
-        np.minimum(agents[Ground.cap], top),
-    )  # fmt: skip
+        palette.flight, agents[BrushBinding.brush], max_turn, climb, agents[Speed.target], np.minimum(cap, top)
+    )
     wanted = WantedFlight(
         agents[Thrust.kind], agents[Thrust.acceleration], agents[Thrust.velocity], agents[Wish.direction],
         agents[Transit.kind],

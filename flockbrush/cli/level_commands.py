@@ -13,6 +13,7 @@ from flockbrush.cli.program_cli import submit_events
 from flockbrush.cli.run_options import RunRequest
 from flockbrush.cli.show_desync import show_desync
 from flockbrush.engine import limits
+from flockbrush.engine.commands import CommandError
 from flockbrush.engine.parallel import set_threads, threads
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import open_recording, state_hash
@@ -127,14 +128,14 @@ def _mb(size):
 
 @contextmanager
 def recorder_of(path, simulation, keyframes=None):
-    """Context manager: a recorder that is closed when the run ends or is stopped; None without a path."""
+    """Context manager: a recorder that is closed when the run ends, is stopped or meets a command that fails."""
     if path is None:
         yield None
         return
     recorder = running.record(path, simulation, keyframes)
     try:
         yield recorder
-    except Stopped:
+    except (Stopped, CommandError):
         recorder.close()
         raise
     except BaseException:
@@ -157,7 +158,12 @@ def stepping(text, simulation, ticks, interrupts, writing=False):
                 say(f"stopped after tick {tick}{note}")
             interrupts.check()
 
-        yield stepped
+        try:
+            yield stepped
+        except CommandError:
+            if writing:
+                say(f"stopped after tick {simulation.clock.tick}{note}")
+            raise
 
 
 def _report(job, simulation, watch):

@@ -103,9 +103,10 @@ class Exports:
         return self
 
     def __exit__(self, kind, error, trace):
+        from flockbrush.engine.commands import CommandError
         from flockbrush.runs.terminal import Stopped
 
-        if kind is not None and not issubclass(kind, Stopped):
+        if kind is not None and not issubclass(kind, (Stopped, CommandError)):
             self.abandon()
             return
         try:

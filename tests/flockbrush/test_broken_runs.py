@@ -1,11 +1,15 @@
 """A run that cannot go on says why in one line, and never shows a traceback."""
 
 import pytest
-from flockbrush.engine.commands import CommandError
-from flockbrush.systems.commands import SwitchBrush
+from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.systems.commands import MoveObstacle, SwitchBrush
 from flockbrush.systems.steer import NotFinite
 
-from flockbrush.runs.terminal import exit_code_of
+import flockbrush
+from flockbrush.cli.level_commands import recorder_of, stepping
+from flockbrush.cli.main import called
+from flockbrush.output.export import Exports
+from flockbrush.runs.terminal import Interrupts, exit_code_of
 
 
 @pytest.mark.parametrize(
@@ -21,3 +25,23 @@ def test_it_says_what_happened_in_one_line(error, capsys):
 def test_a_refused_command_names_tick_command_and_reason():
     text = str(CommandError(32, SwitchBrush("rnu"), "no brush 'rnu'"))
     assert text == "tick 32: SwitchBrush(brush='rnu', species='', x=0.0, y=0.0, radius=0.0): no brush 'rnu'"
+
+
+def test_a_key_that_fails_is_named_and_what_was_written_before_it_is_kept(tmp_path, capsys):
+    run, table = tmp_path / "k.flock", tmp_path / "k.csv"
+    simulation = flockbrush.start("meadow", 1, 10)
+    simulation.world.resource(Commands).follow(11, 32, MoveObstacle("rock", 3.0, 3.0))
+    with (
+        pytest.raises(CommandError, match="^tick 32, object 11 in layer 'script': .*: there is no obstacle 'rock'"),
+        recorder_of(run, simulation) as recorder,
+        Exports([table], simulation) as exports,
+        stepping("meadow", simulation, 64, Interrupts(), True) as stepped,
+    ):
+        for _ in range(64):
+            simulation.tick()
+            recorder.take()
+            exports.take()
+            stepped()
+    assert "stopped after tick 32; the written files are complete up to this tick" in capsys.readouterr().err
+    assert table.read_text().splitlines()[-1].startswith("32,")
+    assert called(["replay", str(run), "--verify"]) == 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.behaviours.behaviour import Behaviour, Flight, Parameters, Wishes
-from flockbrush.components import Airborne, Ground, Heading, Position, Speed, Velocity
+from flockbrush.components import Airborne, Ground, Heading, Position, Species, Speed, Transit, Velocity
 from flockbrush.engine.commands import Commands
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.solid_queries import surface_
@@ -12,8 +12,11 @@ from flockbrush.systems.commands import AddObstacle, MoveObstacle, RemoveObstacl
 from flockbrush.systems.flight import GRAVITY, rolled, turned_without_roll
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList
 from scipy.spatial import Delaunay
 from small_herd import boids, box, brush, meadow, obstacle, put, put_aloft, room_in_the_air, straight
+
+import flockbrush
 
 ALONE = {f"{urge}_strength": 0.0 for urge in ("separation", "matching", "centring", "migration", "height")}
 LENGTH, DT = 0.2, 1 / 32
@@ -156,6 +159,18 @@ def test_a_painted_cap_holds_in_the_air_and_mud_does_not():
     simulation.run(40)
     assert simulation.agents[Ground.cap][0] == 4.0
     assert np.linalg.norm(vectors(simulation)[1]) == pytest.approx(4.0)
+
+
+def test_a_cap_below_the_slowest_flight_of_a_species_is_no_lower():
+    lake = flockbrush.start("lake")
+    lake.run(400)
+    lake.world.resource(Landscape).surface[..., 1] = 1.0
+    lake.run(100)
+    fauna, agents = lake.world.resource(SpeciesList), lake.agents
+    goose = fauna.names.index("goose")
+    flies = (agents[Species.index] == goose) & (agents[Position.xyz][:, 2] > 3.0) & (agents[Transit.kind] == 0)
+    speed = np.linalg.norm(agents[Velocity.xyz], axis=1)[flies]
+    assert len(speed) and speed == pytest.approx(fauna.table.slowest[goose], rel=0.01)
 
 
 def test_a_model_that_says_only_a_direction_is_turned_to_it_at_its_own_speed():
