@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from flockbrush.behaviours.program import Program, shipped_programs
 from flockbrush.behaviours.species import shipped_species
+from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.engine.raster import Raster
 from flockbrush.levels import schema
@@ -51,6 +52,8 @@ def read_level(path, library=None, commands=None) -> Level:
         With every problem of the level and the files it names.
     """
     path = Path(path)
+    if path.suffix.lower() in OTHERS and path.is_file():
+        raise refused(path, f"is {OTHERS[path.suffix.lower()]}; a level is a .tmj or .tmx file of Tiled")
     return _read(DiskFiles(path), library if library is not None else brush_library(path), commands)
 
 
@@ -91,6 +94,15 @@ def _read(files, library, commands):
     if report.problems or level is None:
         raise ProblemsError(sorted(report.problems, key=lambda p: (p.file, p.line or 0)))
     return level
+
+
+OTHERS = {  # files that are often given instead of a level, and who takes them
+    ".flock": "a recording, for flockbrush replay, play, measure or export",
+    **dict.fromkeys((".csv", ".tsv", ".parquet", ".nc", ".npy"), "a table of tracks, for flockbrush measure or learn"),
+    **dict.fromkeys((".mp4", ".mov", ".avi", ".mkv", ".webm"), "a film, for flockbrush learn, or play --clip"),
+    **dict.fromkeys((".png", ".jpg", ".jpeg"), "a picture"),
+    ".toml": "a brush, species, program or sweep; use it in a level, or with run --brush or sweep",
+}
 
 
 class LevelReader:

@@ -142,3 +142,16 @@ def test_a_broken_brush_file_is_told_with_its_own_lines(project):
     with pytest.raises(ProblemsError) as caught:
         read_level(path)
     assert any("mine.brush.toml:1: schema" in str(p) for p in caught.value.problems)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("walk.flock", "is a recording, for flockbrush replay"), ("walk.CSV", "is a table of tracks"),
+        ("walk.mp4", "is a film"), ("walk.png", "is a picture"), ("march.brush.toml", "is a brush"),
+    ],
+)  # fmt: skip
+def test_files_of_another_kind_are_called_by_it(tmp_path, name, words):
+    (tmp_path / name).write_bytes(b"\xff\x00")
+    message = refused(tmp_path / name)
+    assert words in message and message.endswith("a level is a .tmj or .tmx file of Tiled")

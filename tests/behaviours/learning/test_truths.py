@@ -35,6 +35,6 @@ def test_a_swarm_is_learned_back_from_blobs(swarm):
 
 def test_what_no_film_could_tell_is_not_told():
     theta, agreed = np.full(12, 0.5), np.full(12, 0.01)
-    theta[6], theta[1] = 0.02, 1.0  # hardly any alignment or none, and an avoidance that reaches as far as it may, or farther
+    theta[6], theta[1] = 0.02, 1.0  # hardly any alignment or none, and an avoidance that reaches as far as it may
     told = told_of(theta, agreed, np.where(np.arange(12) == 3, 0.3, 0.02))
     assert told.tolist() == [True, False, True, False, False, False, False, False, False, True, True, True]
