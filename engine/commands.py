@@ -39,7 +39,7 @@ class CommandError(ValueError):
         place = f"{source}: tick {tick}" if source else f"tick {tick}"
         place += f", object {key} in layer 'script'" if key else ""
         super().__init__(f"{place}: {shown if len(shown) < 200 else shown[:190] + '...'}: {reason}")
-        self.tick, self.command, self.reason = tick, cmd, str(reason)
+        self.tick, self.command, self.reason, self.source = tick, cmd, str(reason), source
 
 
 @typing.dataclass_transform(frozen_default=True)

@@ -160,8 +160,8 @@ def stepping(text, simulation, ticks, interrupts, writing=False):
 
         try:
             yield stepped
-        except CommandError:
-            if writing:
+        except CommandError as error:
+            if writing and not error.source:
                 say(f"stopped after tick {simulation.clock.tick}{note}")
             raise
 

@@ -106,7 +106,8 @@ class Exports:
         from flockbrush.engine.commands import CommandError
         from flockbrush.runs.terminal import Stopped
 
-        if kind is not None and not issubclass(kind, (Stopped, CommandError)):
+        kept = isinstance(error, Stopped) or (isinstance(error, CommandError) and not error.source)  # of no recording
+        if kind is not None and not kept:
             self.abandon()
             return
         try:

@@ -45,7 +45,7 @@ class TrackTables(_Animals):
     @cached_property
     def sound(self):
         xy, rows = paths(), long_rows()
-        dates = [(f"2024-05-01 10:00:{t:02d}", 8 + x / 1e5, 47 + y / 1e5, who) for t, who, x, y in rows]
+        dates = [(f"2024-05-01 10:00:{t / 10:06.3f}", 8 + x / 1e5, 47 + y / 1e5, who) for t, who, x, y in rows]
         head = ["scorer" + ",net" * 6, "bodyparts" + ",nose,nose,nose,tail,tail,tail", "coords" + ",x,y,likelihood" * 2]
         parts = [(t, *xy[t, 0], 0.9, *xy[t, 1], 0.8) for t in range(FRAMES)]
         wide = "time," + ",".join(f"x{n + 1},y{n + 1}" for n in range(ANIMALS))
