@@ -108,7 +108,8 @@ def _pieces(tracks, length):
     has_place, most = tracks.seen, max(GAP_FRAMES, round(GAP * tracks.fps))
     spans, leaps, away = [], [], 0
     steps = [_steps(tracks, animal, length) for animal in range(has_place.shape[1])]
-    long = JUMP * float(np.quantile(np.concatenate([step for _, step in steps]), LONG_STEPS))
+    every = np.concatenate([step for _, step in steps])
+    long = JUMP * float(np.quantile(every, LONG_STEPS)) if len(every) else np.inf
     for animal, (rows, step) in enumerate(steps):
         leap = step > max(LEAP * float(np.median(step)) if len(step) else 0.0, long, JUMP * LEAST_JUMP)
         gone = np.diff(rows) > most
@@ -286,8 +287,8 @@ def _notes(tracks, pieces, motion, length):
     if pieces.leaps:
         row, animal = pieces.leaps[0]
         yield (
-            f"{len(pieces.leaps)} leaps of single animals (the first: {tracks.ids[animal]} to frame "
-            f"{tracks.frames[row]}), as where ids are swapped: the tracks are cut there and count as other animals"
+            f"animals leap {len(pieces.leaps)} times, first animal {tracks.ids[animal]} to frame {tracks.frames[row]}, "
+            "as where ids are swapped: tracks are cut there, and what follows counts as another animal"
         )
     if pieces.gaps or pieces.away:
         who = "1 animal was" if pieces.away == 1 else f"{pieces.away} animals were"

@@ -20,6 +20,7 @@ from flockbrush.learning.confounding import correlation_of
 from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import body_of, resized, speed_of, start_of
 from flockbrush.learning.interaction import interaction_of
+from flockbrush.learning.learned_parameters import forces_of
 from flockbrush.learning.response import SPAN, correction, response, scatters, turns_seen
 from flockbrush.learning.rollout import DT, LEAST, MOST, Surroundings, params_of, rollout
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
@@ -256,20 +257,15 @@ def certainty(given: Setting, theta, extras, others=()) -> tuple[np.ndarray, np.
         return fit_turns(thinned(turns, rows), numbers, params_of(numbers, extras), free=_free(given), steps=steps)
 
     here, near = fit(theta, MANY), fit(theta, MANY, NEAR).theta
-    same = [np.concatenate([rescaled_to(other, own, extras), theta[9:]]) for other, own in others]
+    same = [np.concatenate([forces_of(other, own)[:9], theta[9:]]) for other, own in others]
+    for one in same:
+        one[:9:3] *= 10.0 / params_of(theta, extras).sensitivity
     worths = [fit(one, FEW).loss[-1] for one in same]
     limit = min(*worths, fit(near, FEW).loss[-1], np.inf) + ALIKE
     alike = [near, *(one for one, worth in zip(same, worths, strict=True) if worth < limit)]
     off = np.fmax(np.abs(near - theta), np.sqrt(np.mean(np.square(alike - theta), axis=0)))
     error = np.sqrt(here.deviation**2 + off**2 + (HIDDEN * np.asarray(theta)) ** 2)
     return np.minimum(error, 1e6), correlation_of(here.information)
-
-
-def rescaled_to(theta, own, extras):
-    """The first nine numbers with weights at another Ω: only their product with it acts."""
-    out = np.array(theta[:9], float)
-    out[::3] *= own.get("sensitivity", 10.0) / extras.get("sensitivity", 10.0)
-    return out
 
 
 def interaction(given: Setting, theta, extras):

@@ -10,7 +10,7 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingContainer, UITextEntryLine, UIWindow
 
-from flockbrush.engine.commands import COMMANDS, from_record
+from flockbrush.engine.commands import COMMANDS, from_record, places_of
 from flockbrush.levels.schema import CLASSES
 from flockbrush.studio.theme import px
 
@@ -83,13 +83,12 @@ def _may_lack(field):
 
 def blank(kind, xy):
     """A command to begin with, at a point of the ground: fields without a default are 0 or empty."""
-    values = {}
+    here = [round(float(v), 2) for v in xy[:2]]
+    values: dict = {name: v for pair in places_of(kind, {}) for name, v in zip(pair, here, strict=True)}
     for field in fields(kind):
-        if field.name in ("x", "at_x", "y", "at_y") and field.name[-1] in "xy":
-            aims = field.name.startswith("at_") or not any(f.name == "at_x" for f in fields(kind))
-            if aims or field.default is MISSING:
-                values[field.name] = round(float(xy["xy".index(field.name[-1])]), 2) if aims else 0.0
-        elif field.default is MISSING and field.default_factory is MISSING:
+        if field.name in values:
+            continue
+        if field.default is MISSING and field.default_factory is MISSING:
             values[field.name] = {"float": 0.0, "int": 0, "bool": False}.get(str(field.type), "")
     return kind(**values)
 

@@ -6,6 +6,7 @@ from flockbrush.engine.problems import ProblemsError
 
 import flockbrush
 from flockbrush.cli.main import called
+from flockbrush.film.observations import CannotObserve
 from flockbrush.film.track_evidence import evidence_of_tracks
 from flockbrush.film.track_files import Trajectories, read_trajectories
 
@@ -98,8 +99,15 @@ def test_swapped_ids_spoil_no_other_animal():
     xy[80:, [0, 5]] = xy[80:, [5, 0]]
     speed, notes = speeds(Trajectories(xy, ids, FPS, "m"))
     assert speed == pytest.approx(1.0, rel=1e-3) and any(
-        "2 leaps of single animals (the first: 0 to frame 80)" in n for n in notes
+        "animals leap 2 times, first animal 0 to frame 80" in n for n in notes
     )
+
+
+def test_animals_that_are_seen_once_in_the_frames_asked_for_are_too_few():
+    xy = np.full((40, ANIMALS, 2), np.nan)
+    xy[np.arange(ANIMALS), np.arange(ANIMALS)] = 1.0
+    with pytest.raises(CannotObserve, match="0 animals are visible for 8 frames"):
+        evidence_of_tracks(Trajectories(xy, tuple(map(str, range(ANIMALS))), FPS, "m"), 1.0)
 
 
 def test_bursts_are_no_leaps():
@@ -111,7 +119,7 @@ def test_bursts_are_no_leaps():
         np.cumsum(step[..., None] * np.stack([np.cos(angle), np.sin(angle)], -1), axis=0)
         + 5.0 * np.arange(ANIMALS)[:, None]
     )
-    assert not any("leaps" in note for note in speeds(Trajectories(xy, ids, FPS, "m"))[1])
+    assert not any("leap" in note for note in speeds(Trajectories(xy, ids, FPS, "m"))[1])
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.005])
