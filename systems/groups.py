@@ -9,13 +9,14 @@ and leave.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import scipy  # its parts are imported when they are used first, which takes a third of a start
 from flockbrush.components import Body, BrushBinding, Family, Heading, Position, Species, Velocity
 from flockbrush.components.formation import FormationPlace
 from flockbrush.systems.fauna import SpeciesList, kin_of
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.life import Nursery
 from flockbrush.systems.measures import herd_measures
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import FindNeighbours, Near, See, SeeInSpace, Sight, SightInSpace
@@ -62,14 +63,17 @@ def groups_of(world):
 
 def group_names(world):
     """Names of all groups there can be, by number - 1: the ids of all animals that have been born."""
-    return [str(number) for number in range(1, world.next_entity)]
+    return _numbers(world.next_entity)[1:]
 
 
 def family_names(world):
-    """Names of all families there can be, by number, "" of none; empty in a world without families."""
-    if not (any(spawn.family_size for spawn in world.resource(Nursery).spawns) or world.agents[Family.number].any()):
-        return []
-    return ["", *group_names(world)]
+    """Names of all families there can be, by number, "" of none."""
+    return _numbers(world.next_entity)
+
+
+@functools.lru_cache(maxsize=16)
+def _numbers(count):
+    return "", *map(str, range(1, count))
 
 
 def mutual(lists, together):

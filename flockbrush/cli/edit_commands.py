@@ -16,7 +16,7 @@ from flockbrush.runs import run as running
 from flockbrush.runs import terminal
 from flockbrush.runs.edit_file import EditFile, edits_of, ids_of, ids_text, sentence_of
 from flockbrush.runs.recording_selection import Selection, chosen
-from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past
+from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past, needs_past
 from flockbrush.runs.snapshots import moment_of, words_of
 from flockbrush.runs.terminal import print_json, print_line, say, show, table
 from flockbrush.systems.landscape import Landscape
@@ -227,7 +227,7 @@ def _show(file):
 def applied(file: EditFile | None, run, simulation, stack, interrupts) -> EditedMoments | None:
     """The edited moments of a recording, for exports; None if no layer is on.
 
-    Edits that change time make one pass over the recording before the exports begin.
+    Edits that show what is later make one pass over the recording before the exports begin (`needs_past`).
     """
     edits = [] if file is None else file.edits()
     if file is None or not edits:
@@ -239,15 +239,15 @@ def applied(file: EditFile | None, run, simulation, stack, interrupts) -> Edited
 
 
 def _edited_moments(edits, run, simulation, stack, interrupts) -> EditedMoments:
-    """The moments of a recording with edits; those of time make one pass over the recording here."""
+    """The moments of a recording with edits, some of which make one pass over the recording here."""
     late = [animal for edit in edits if edit.kind in IN_TIME for animal in edit.ids]
     past = None
-    if late:
+    if needs_past(edits, simulation):
         past = Past(late, simulation.world.resource(Landscape).wrap)
         stack.callback(past.close)
         other = running.rebuild(run)
         resume(run, other.world)
-        with stepping("edits of time", other, run.last_tick, interrupts) as stepped:
+        with stepping("edits", other, run.last_tick, interrupts) as stepped:
             past.watch(other, run.last_tick, stepped)
     return EditedMoments(simulation, edits, past)
 

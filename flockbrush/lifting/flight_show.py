@@ -22,6 +22,7 @@ from flockbrush.lifting.lens import Camera, read_camera
 from flockbrush.lifting.lift_solver import LiftedFlight, LiftError, LiftWish, lift_sight, prepared
 from flockbrush.lifting.lift_thesis import lift_by_thesis
 from flockbrush.render.gaits import BEAT, FASTEST_BEAT
+from flockbrush.runs.catalogue import LABELS, Catalogue
 
 GLANCE = 5  # while a slider is dragged every so manieth frame is solved
 SPANS = 2.5  # wingspans from bird to bird, assumed if their size is not given
@@ -256,7 +257,7 @@ class Show:
         return Moment(
             (flight.first + k) / flight.fps, flight.ids[rows].astype(np.int64), flight.xyz[k, rows],
             self.velocity[k, rows], self.forward[k, rows], np.full(count, long), wide, zero, zero,
-            np.zeros(count, bool), zero - 1, self.up[k, rows],
+            np.zeros(count, bool), zero - 1, self.up[k, rows], dict.fromkeys(LABELS, zero),
         )  # fmt: skip
 
     def formation(self, k):
@@ -332,13 +333,26 @@ class _AsRun:
         self.next_entity = 1  # no births, so there are no groups
         self.agents: dict = defaultdict(lambda: np.zeros(0))
 
+    def has(self, kind):
+        """Whether there is a resource of a type: yes."""
+        return True
+
     def resource(self, kind):
         """Names of species and of brushes: one species, and no brush; it flies. Of all else there is nothing."""
-        if kind.__name__ == "SpeciesList":
-            return SimpleNamespace(names=["bird"], assets=[SimpleNamespace(look="bird")])
-        if kind.__name__ == "Palette":
-            return SimpleNamespace(names=[""], flies=np.array([True]), grounded=np.array([False]))
-        return kind()
+        return _OfBirds() if kind is Catalogue else kind()
+
+
+class _OfBirds(Catalogue):
+    """One species and one brush without a name, which flies."""
+
+    def __init__(self):
+        self.palette = SimpleNamespace(names=[""], brushes=[], flies=np.array([True]), grounded=np.array([False]))
+        self.species = {"bird": SimpleNamespace(look="bird")}
+
+    words = {"species": ["bird"], "brush": [""], **{name: [""] for name in LABELS}}
+
+    def note(self, world, labels=True):
+        """Nothing comes."""
 
 
 def _unit(vectors):

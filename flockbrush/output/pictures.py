@@ -21,9 +21,9 @@ def herd_of(simulation, moment: Moment):
     from flockbrush.render.mesh_bodies import Postures
     from flockbrush.render.per_run import of_run
     from flockbrush.render.wakes import wakes_of
-    from flockbrush.systems.palette import Palette
+    from flockbrush.runs.catalogue import catalogue_of
 
-    palette, gaits = simulation.world.resource(Palette), gaits_of(simulation)
+    palette, gaits = catalogue_of(simulation.world, labels=False).palette, gaits_of(simulation)
     clip, phase = gaits.of(moment)
     flying = in_flight(moment, palette)
     danger = palette.danger.astype(bool)

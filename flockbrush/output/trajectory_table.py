@@ -8,9 +8,9 @@ import numpy as np
 
 import flockbrush
 from flockbrush.components import Body, Species
+from flockbrush.runs.catalogue import LABELS, catalogue_of
 from flockbrush.runs.snapshots import Moment, words_of
 from flockbrush.systems.fauna import SpeciesList
-from flockbrush.systems.palette import Palette
 from flockbrush.systems.program_reports import state_names
 from flockbrush.systems.programs import Programs
 
@@ -18,15 +18,11 @@ SCHEMA = "flockbrush.trajectory/1"
 
 COLUMNS = (
     "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "species", "brush", "role", "reference",
+    *LABELS,
 )  # fmt: skip
 
 ROLES = ("follower", "leader")
-TEXTS = ("species", "brush", "role", "group", "family", "state")  # columns whose values are names
-
-
-def column_names(simulation) -> tuple[str, ...]:
-    """`COLUMNS`, and behind them those that only some worlds have: group, family, state."""
-    return COLUMNS + tuple(name for name in words_of(simulation) if name not in COLUMNS)
+TEXTS = ("species", "brush", "role", *LABELS)  # columns whose values are names
 
 
 def table_of(simulation, moment: Moment, frame):
@@ -46,10 +42,8 @@ def table_of(simulation, moment: Moment, frame):
         "brush": moment.brush,
         "role": moment.leader.astype(int),
         "reference": moment.reference,
+        **moment.labels,
     }  # fmt: skip
-    for name in words:
-        if name not in table:
-            table[name] = moment.labels[name]
     return table, words
 
 
@@ -78,14 +72,15 @@ def metadata_of(simulation, fps):
 def names_in_tables(simulation):
     """What a table needs beside it to be measured as its run (`flockbrush.output.run_table`)."""
     agents, world = simulation.agents, simulation.world
-    palette, fauna = world.resource(Palette), world.resource(SpeciesList)
-    words, usual = iter(state_names(world)[1:]), [1.0 if a is None else a.body.length for a in fauna.assets]
+    catalogue, fauna = catalogue_of(world), world.resource(SpeciesList)
+    words, palette = iter(state_names(world)[1:]), catalogue.palette
     species, length = agents[Species.index], agents[Body.length]
+    now = {name: length[species == k] for k, name in enumerate(fauna.names)}
     return {
         "flying": [name for name, flies in zip(palette.names, palette.flies_free.tolist(), strict=True) if flies],
         "body_length": {
-            name: float(length[species == k].mean()) if (species == k).any() else usual[k]
-            for k, name in enumerate(fauna.names)
+            name: float(now[name].mean()) if len(now.get(name, ())) else (1.0 if asset is None else asset.body.length)
+            for name, asset in catalogue.species.items()
         },
         "programs": {
             one.program.name: {name: next(words) for name in one.names} for one in world.resource(Programs).compiled

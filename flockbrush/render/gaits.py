@@ -11,8 +11,7 @@ import numpy as np
 
 from flockbrush.render.animal_looks import BEAT_ANGLE, CLIPS, GLIDING, LOOKS, mesh_of
 from flockbrush.render.per_run import of_run
-from flockbrush.systems.fauna import SpeciesList
-from flockbrush.systems.palette import Palette
+from flockbrush.runs.catalogue import catalogue_of
 
 BEAT, FASTEST_BEAT = 3.4, 6.0  # wing beats a second: of a bird 1 m long, and as many as can be seen in a video
 WALKING = 2.0  # body lengths a second: a bird on the ground that is faster flies
@@ -26,11 +25,10 @@ WALK, RUN, FLY, GLIDE, SWIM = (CLIPS.index(name) for name in ("walk", "run", "fl
 
 def looks_of(simulation) -> list[str]:
     """The look of each species by index; those without a file look like what their brushes let them do."""
-    species, palette = simulation.world.resource(SpeciesList), simulation.world.resource(Palette)
-    assets = getattr(species, "assets", None) or [None] * len(species.names)
-    flies = getattr(palette, "flies", None)
-    guess = "bird" if flies is not None and len(flies) and flies.all() else "beast"
-    return [getattr(asset, "look", guess) for asset in assets]
+    catalogue = catalogue_of(simulation.world, labels=False)
+    flies = catalogue.palette.flies
+    guess = "bird" if len(flies) and flies.all() else "beast"
+    return [getattr(asset, "look", guess) for asset in catalogue.species.values()]
 
 
 def sizes(vectors) -> np.ndarray:
@@ -117,7 +115,7 @@ class Gaits:
             clip[moves], pace[moves] = number, lengths[moves] / stride[moves]
         swims = limbs.swims[species]
         clip[swims], pace[swims] = SWIM, lengths[swims] / TAIL
-        flying = limbs.flies[species] & in_flight(moment, self.world.resource(Palette))
+        flying = limbs.flies[species] & in_flight(moment, catalogue_of(self.world, labels=False).palette)
         self._fly(moment, flying, speed, clip, pace)
         return clip, pace
 

@@ -35,9 +35,9 @@ from flockbrush.render.strokes import (
 from flockbrush.render.style import mix, rgb, scale_colours, theme_of
 from flockbrush.render.text import words
 from flockbrush.render.walkable_overlay import walkable_layer
+from flockbrush.runs.catalogue import catalogue_of
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Sight
 
 LINKS = 60_000  # lines at most
@@ -483,7 +483,7 @@ class Overlays:
         size = moment.length
         near = (np.abs(offset) < (reach + size)[:, None]).all(axis=1)
         near[row] = False
-        palette = self.world.resource(Palette)
+        palette = catalogue_of(self.world, labels=False).palette
         if bool(palette.sees_through[moment.brush].all()):
             near[:] = False
         axis = np.where(near, 0.5 * size - moment.radius, 0.0)

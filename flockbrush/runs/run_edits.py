@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from flockbrush.runs.snapshots import Moment, between, moment_of
+from flockbrush.runs.catalogue import catalogue_of
+from flockbrush.runs.snapshots import Moment, between, moment_of, words_of
 from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.landscape import Landscape
 
@@ -95,12 +96,14 @@ class EditedMoments:
     edits : sequence of Edit
         In their order.
     past : Past, optional
-        Needed where an edit changes time.
+        Needed where `needs_past` says so.
     """
 
     def __init__(self, simulation, edits, past=None):
         self.simulation, self.edits, self.past = simulation, list(edits), past
         self.land = simulation.world.resource(Landscape)
+        if past is not None and past.catalogue is not None:
+            simulation.world.insert(past.catalogue)  # it knows what is to come
         self._ids = [np.array(sorted(edit.ids), np.int64) for edit in self.edits]
 
     def at(self, moment: Moment) -> Moment:
@@ -179,22 +182,24 @@ class EditedMoments:
         return heights_of_ground(self.land.relief, self.land.relief_cell, np.ascontiguousarray(xyz))
 
     def _dressed(self, moment, edit, selected):
-        from flockbrush.runs.snapshots import names_of
-
-        species, brushes = names_of(self.simulation)
-        changed = {}
-        if edit.brush in brushes:
-            changed["brush"] = np.where(selected, list(brushes).index(edit.brush), moment.brush).astype(
-                moment.brush.dtype
-            )
-        if edit.species in species:
-            changed["species"] = np.where(selected, species.index(edit.species), moment.species).astype(
-                moment.species.dtype
-            )
+        words, changed = words_of(self.simulation), {}
+        for name in ("brush", "species"):
+            value, codes = getattr(edit, name), getattr(moment, name)
+            if value in words[name]:
+                changed[name] = np.where(selected, words[name].index(value), codes).astype(codes.dtype)
         if edit.size != 1.0:
             times = np.where(selected, edit.size, 1.0)
             changed |= {"length": moment.length * times, "radius": moment.radius * times}
         return replace(moment, **changed)
+
+
+def needs_past(edits, simulation) -> bool:
+    """Whether edits show animals of other times, or a brush or species that the run has not had so far."""
+    words = words_of(simulation)
+    return any(
+        edit.kind in IN_TIME or any(getattr(edit, name) not in ("", *words[name]) for name in ("brush", "species"))
+        for edit in edits
+    )
 
 
 class Past:
@@ -210,6 +215,7 @@ class Past:
 
     def __init__(self, ids, wrap=None):
         self.ids, self.wrap = np.unique(np.asarray(ids, np.int64)), wrap
+        self.catalogue = None
         self._file = tempfile.TemporaryFile()
         self._times: list[float] = []
         self._kept: list[tuple] = []  # offset in the file, time, columns
@@ -225,6 +231,7 @@ class Past:
             simulation.tick()
             self.take(simulation)
             stepped()
+        self.catalogue = catalogue_of(simulation.world)
 
     def keep(self, moment: Moment):
         """Keep the animals of a moment."""

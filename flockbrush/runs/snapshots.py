@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +10,6 @@ from flockbrush.components import (
     Airborne,
     Body,
     BrushBinding,
-    Family,
     Heading,
     Position,
     ReferenceBird,
@@ -20,11 +17,10 @@ from flockbrush.components import (
     Species,
     Velocity,
 )
-from flockbrush.systems.groups import family_names, group_names, groups_of
+from flockbrush.runs.catalogue import LABELS, catalogue_of
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
-from flockbrush.systems.program_reports import state_codes, state_names
 
 
 @dataclass(frozen=True)
@@ -40,14 +36,13 @@ class Moment:
     # length, radius: (n,); metres
     length: np.ndarray
     radius: np.ndarray
-    # species, brush: (n,) int; indices into the names
+    # species, brush: (n,) int; indices into `words_of`, as those of labels are
     species: np.ndarray
     brush: np.ndarray
     leader: np.ndarray  # (n,) bool
     reference: np.ndarray  # (n,) int64; id of the animal it keeps its place by, 0 for none
     up: np.ndarray | None = None  # (n, 3), optional; unit vector out of the back: where it leans, the animal banks
-    # str to (n,) int; further names that animals bear (`label`), as indices into `words_of`: only those that the world
-    # has
+    # str to (n,) int; group, family and state (`flockbrush.runs.catalogue.LABELS`); empty where none were asked for
     labels: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self):
@@ -69,34 +64,15 @@ _COLUMNS = {
 }
 
 
-class Label(NamedTuple):
-    """A name that every animal of some worlds bears."""
-
-    names: Callable  # function (simulation) -> list of str; all there are; empty in a world without this label
-    codes: Callable  # function (simulation) -> (n,) int; a new array: which of them each animal bears
-
-
-LABELS: dict[str, Label] = {  # by name; who declares such a column registers it here
-    "group": Label(
-        lambda simulation: group_names(simulation.world), lambda simulation: groups_of(simulation.world) - 1
-    ),
-    "family": Label(
-        lambda simulation: family_names(simulation.world), lambda simulation: simulation.agents[Family.number].copy()
-    ),
-    "state": Label(lambda simulation: state_names(simulation.world), lambda simulation: state_codes(simulation.world)),
-}
-
-
-def _present(simulation):
-    """The labels that a world has, with their names."""
-    return [(name, label) for name, label in LABELS.items() if label.names(simulation)]
-
-
 def words_of(simulation) -> dict[str, list[str]]:
-    """{column: names by index} of species, brush and the labels of a world, as they are now."""
-    species, brushes = names_of(simulation)
-    more = {name: label.names(simulation) for name, label in _present(simulation)}
-    return {"species": species, "brush": list(brushes), **more}
+    """{column: names by index} of species, brush and labels that a run has had so far."""
+    return catalogue_of(simulation.world).words
+
+
+def borne(simulation, moment: Moment) -> list[str]:
+    """The labels of a moment of which some animal bears a name that is not empty."""
+    words = words_of(simulation)
+    return [name for name, codes in moment.labels.items() if any(words[name][k] for k in set(codes.tolist()))]
 
 
 def moment_of(simulation, labels=True) -> Moment:
@@ -104,7 +80,10 @@ def moment_of(simulation, labels=True) -> Moment:
     agents = simulation.agents
     columns = {name: agents[column].copy() for name, column in _COLUMNS.items()}
     columns["leader"] = columns["leader"].astype(bool)
-    codes = {name: label.codes(simulation) for name, label in _present(simulation)} if labels else {}
+    catalogue = catalogue_of(simulation.world, labels)
+    for name in ("species", "brush"):
+        columns[name] = catalogue.codes(name, columns[name])
+    codes = {name: catalogue.codes(name, label.codes(simulation.world)) for name, label in LABELS.items() if labels}
     return Moment(simulation.clock.now, agents.ids.copy(), **columns, labels=codes)
 
 
@@ -201,5 +180,5 @@ class Sampler:
 
 
 def names_of(simulation):
-    """(species, brushes): names by index, as they are now."""
+    """(species, brushes): names by the index that they have in the world now."""
     return list(simulation.world.resource(SpeciesList).names), simulation.world.resource(Palette).names

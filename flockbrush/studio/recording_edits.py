@@ -18,7 +18,7 @@ from flockbrush.engine.recording import open_recording, resume
 from flockbrush.runs import run as running
 from flockbrush.runs.edit_file import FIRST, EditFile, edits_of, parse_edits, sentence_of
 from flockbrush.runs.recording_selection import Selection, chosen
-from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past
+from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past, needs_past
 from flockbrush.runs.snapshots import moment_of, words_of
 from flockbrush.systems.landscape import Landscape
 
@@ -160,6 +160,8 @@ class RecordingEdits:
         if self._pass is not None and self._pass.news():
             self._outdate()
         if self._view is None or self._view.simulation is not simulation:
+            if self._pass is None and needs_past(self.file.edits(), simulation):
+                self._pass = PassBeside(self.path, ())  # it finds the brushes and species that come later
             self._view = EditedMoments(simulation, self._ready(), self._pass and self._pass.past)
         return self._view.at(moment) if self._view.edits else moment
 

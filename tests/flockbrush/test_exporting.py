@@ -17,6 +17,7 @@ from flockbrush.output.export import Exports
 from flockbrush.output.exporter import Exporter, exporters
 from flockbrush.output.pictures import picture_size
 from flockbrush.output.trajectory_table import COLUMNS
+from flockbrush.runs import catalogue
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import Moment, Sampler, between
 
@@ -78,10 +79,8 @@ def test_an_option_for_a_file_that_is_not_written_is_refused(cli, level, tmp_pat
 
 
 def test_tables_carry_the_labels_that_a_world_has(level, tmp_path, monkeypatch):
-    from flockbrush.runs import snapshots
-
-    codes = snapshots.Label(lambda simulation: ["calm", "alert, up"], lambda simulation: simulation.agents.ids % 2)
-    monkeypatch.setitem(snapshots.LABELS, "state", codes)
+    codes = catalogue.Label(lambda world: ("calm", "alert, up"), lambda world: world.agents.ids % 2)
+    monkeypatch.setitem(catalogue.LABELS, "state", codes)
     paths = [tmp_path / "a.csv", tmp_path / "a.parquet"]
     with Exports(paths, start(level)) as exports:
         exports.take()
@@ -96,11 +95,8 @@ def test_tables_carry_the_labels_that_a_world_has(level, tmp_path, monkeypatch):
 
 def test_a_csv_has_the_columns_that_were_promised(exported):
     head = (exported / "pen.csv").read_text().splitlines()[0]
-    assert (
-        head
-        == "frame,time,id,x,y,z,vx,vy,vz,heading,speed,species,brush,role,reference,group"
-        == ",".join([*COLUMNS, "group"])
-    )
+    promised = "frame,time,id,x,y,z,vx,vy,vz,heading,speed,species,brush,role,reference,group,family,state"
+    assert head == promised == ",".join(COLUMNS)
 
 
 def test_a_csv_tells_where_everybody_was(exported, lived):
@@ -137,7 +133,7 @@ def test_the_metadata_of_a_csv_lie_beside_it(exported, level):
 def test_parquet_says_the_same_as_csv_but_exactly(exported, lived):
     pq = pytest.importorskip("pyarrow.parquet")
     table = pq.read_table(exported / "pen.parquet")
-    assert table.column_names == [*COLUMNS, "group"]
+    assert table.column_names == [*COLUMNS]
     assert str(table.schema.field("frame").type) == "int32"
     rows = rows_of(exported / "pen.csv")
     for name in ("species", "brush", "role", "group"):

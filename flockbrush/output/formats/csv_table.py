@@ -23,12 +23,11 @@ class Csv(Exporter):
         return [Path(f"{path}.json")]
 
     def open(self):
-        from flockbrush.output.trajectory_table import COLUMNS, column_names
+        from flockbrush.output.trajectory_table import COLUMNS
 
         self._file = open(self.temporary, "w", encoding="utf-8", newline="", buffering=1 << 20)
-        names = column_names(self.simulation)
-        self._row = self._ROW + ",%s" * (len(names) - len(COLUMNS)) + "\n"
-        self._file.write(",".join(names) + "\n")
+        self._row = self._ROW + ",%s" * (len(COLUMNS) - self._ROW.count("%")) + "\n"
+        self._file.write(",".join(COLUMNS) + "\n")
 
     def take(self, moment):
         import numpy as np

@@ -39,10 +39,10 @@ class Sqlite(Exporter):
 
         words = words_of(self.simulation)
         codes = {"species": moment.species, "brush": moment.brush, **moment.labels}
-        kinds = list(codes)
+        borne = {kind: [words[kind][code] for code in codes[kind].tolist()] for kind in codes}
         numbers = [
-            self._number(tuple((kind, words[kind][code]) for kind, code in zip(kinds, row, strict=True)))
-            for row in zip(*(codes[kind].tolist() for kind in kinds), strict=True)
+            self._number(tuple((kind, word) for kind, word in zip(borne, row, strict=True) if word))
+            for row in zip(*borne.values(), strict=True)
         ]
         x, y, z = moment.xyz.T.tolist()
         ahead, aside = moment.forward[:, 0].tolist(), moment.forward[:, 1].tolist()

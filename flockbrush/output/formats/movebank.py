@@ -60,7 +60,7 @@ class Movebank(Exporter):
         for row in range(len(moment)):
             self._event += 1
             codes = {"brush": moment.brush, **moment.labels}
-            comment = "; ".join(f"{name} {words[name][codes[name][row]]}" for name in codes)
+            comment = "; ".join(f"{name} {word}" for name in codes if (word := words[name][codes[name][row]]))
             kind = quoted(words["species"][moment.species[row]])
             animal = int(moment.ids[row])
             self._file.write(

@@ -53,13 +53,13 @@ class NetCdf(Exporter):
         first, count, many = self.frames, len(self._waiting), len(self._rows)
         position = np.full((count, 3, 1, many), np.nan)
         heading, here = np.full((count, 1, many), np.nan), np.full((count, 1, many), np.nan)
-        codes = {name: np.full((count, many), -1, np.int16) for name in self._labels(self._waiting[-1])}
+        codes = {name: np.full((count, many), -1, np.int32) for name in self._codes_of(self._waiting[-1])}
         for k, moment in enumerate(self._waiting):
             columns = [self._rows[animal] for animal in moment.ids.tolist()]
             position[k, :, 0, columns] = moment.xyz
             heading[k, 0, columns] = np.arctan2(moment.forward[:, 1], moment.forward[:, 0])
             here[k, 0, columns] = 1.0
-            for name, values in self._labels(moment).items():
+            for name, values in self._codes_of(moment).items():
                 codes[name][k, columns] = values
         last = first + count
         self._time[first:last] = [moment.time for moment in self._waiting]
@@ -69,13 +69,13 @@ class NetCdf(Exporter):
         for name, values in codes.items():
             if name not in self._codes:
                 self._codes[name] = self._data.createVariable(
-                    name, "i2", ("time", "individuals"), zlib=True, fill_value=-1, chunksizes=(BLOCK, 256)
+                    name, "i4", ("time", "individuals"), zlib=True, fill_value=-1, chunksizes=(BLOCK, 256)
                 )
             self._codes[name][first:last, :many] = values
         self.frames, self._waiting = last, []
 
     @staticmethod
-    def _labels(moment):
+    def _codes_of(moment):
         return {"species": moment.species, "brush": moment.brush, **moment.labels}
 
     def finish(self):
@@ -95,7 +95,7 @@ class NetCdf(Exporter):
         }
         self._data.setncatts(attributes | {key: as_attribute(value) for key, value in about.items()})
         for name, words in words_of(self.simulation).items():
-            if name in self._codes:
+            if name in self._codes:  # it has none where no frame was written
                 self._codes[name].names = ", ".join(words)
         self._data.close()
 

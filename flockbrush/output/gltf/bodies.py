@@ -8,8 +8,8 @@ from flockbrush.output.gltf.document import VERTICES
 from flockbrush.render.animal_looks import CLIPS, LIGHT, WIDE, mesh_of, phased, poses_of
 from flockbrush.render.gaits import looks_of
 from flockbrush.render.style import linear_rgb, worn_rgb
+from flockbrush.runs.catalogue import catalogue_of
 from flockbrush.runs.snapshots import words_of
-from flockbrush.systems.palette import Palette
 
 EVERY = 2  # every so manieth pose of a cycle becomes a mesh
 
@@ -36,7 +36,7 @@ class GltfBodies:
 
     def colour(self, brush) -> tuple[int, int, int]:
         """Red, green, blue of a brush, 0 to 255, sRGB."""
-        known = getattr(self.simulation.world.resource(Palette), "brushes", ())
+        known = catalogue_of(self.simulation.world).palette.brushes
         return worn_rgb(brush, tuple(each.colour for each in known), self.theme)
 
     def brush_name(self, brush) -> str:

@@ -31,7 +31,7 @@ def write_crowd(document, bodies, records, world, fps):
         "schema": SCHEMA, "bufferView": view, "fps": fps, "frames": records.frames, "animals": len(records.slots),
         "stride": records.type.itemsize, "fields": fields_of(records.type),
         "turn_scale": TURN, "phase_scale": PHASE, "flags": {"present": 1, "leader": 2},
-        "wrap": wrap and [float(side) for side in wrap], "poses": poses, **_names(bodies),
+        "wrap": wrap and [float(side) for side in wrap], "poses": poses, **_names(bodies, records),
         "ids": list(records.slots), "first_body": np.cumsum([0, *map(len, had)])[:-1].tolist(),
         "species_of": [body.species for body in bodies_of_all],
         "scales": [[round(side, 5) for side in scale_of(body)] for body in bodies_of_all],
@@ -61,8 +61,9 @@ def _poses(document, bodies):
     return poses
 
 
-def _names(bodies):
+def _names(bodies, records):
     """Names behind codes, and the colours of brushes in linear light."""
-    words = words_of(bodies.simulation)
+    known = words_of(bodies.simulation)
+    words = {name: known[name] for name in ("species", "brush", *records.labels)}
     colours = [np.round(linear_rgb(bodies.colour(k)), 5).tolist() for k in range(len(words["brush"]))]
     return {"words": words, "brush_colours": colours, "brightest": 1.25}

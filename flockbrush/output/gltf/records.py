@@ -9,6 +9,8 @@ import numpy as np
 
 from flockbrush.output.attitude import AttitudeTurns
 from flockbrush.output.body_list import BodyList
+from flockbrush.runs.catalogue import LABELS
+from flockbrush.runs.snapshots import borne
 
 PRESENT, LEADER = 1, 2  # bits of `flags`
 TURN = 32767  # of a quaternion's component 1
@@ -37,29 +39,33 @@ class Records:
     ----------
     folder : Path
         Of temporary files.
-    labels : sequence of str
-        Names of the codes that animals bear beside their brush.
 
     Attributes
     ----------
     frames : int
+    labels : list of str
+        Group, family and state, as far as some animal had one.
     slots : dict of int to int
         Row of each animal that was ever there, by id, in the order in which they came.
     bodies : BodyList
     """
 
-    def __init__(self, folder, simulation, labels):
-        self.labels = tuple(labels)
-        self.type = record_type(labels)
+    def __init__(self, folder, simulation):
+        self.simulation, self.labels, self._whole = simulation, [], record_type(LABELS)
         self.frames, self.slots, self.bodies = 0, {}, BodyList()
         self._turns, self._folder, self._counts = AttitudeTurns(simulation), folder, []
         self._spool = open(folder / "frames", "w+b")
+
+    @property
+    def type(self) -> np.dtype:
+        """The dtype of what is read."""
+        return record_type(self.labels)
 
     def take(self, moment, pose, phase):
         """Keep one moment, with pose and phase of the gait of each animal."""
         for animal in moment.ids.tolist():
             self.slots.setdefault(animal, len(self.slots))
-        record = np.zeros(len(moment), self.type)
+        record = np.zeros(len(moment), self._whole)
         record["place"] = moment.xyz
         record["turn"] = np.round(np.roll(self._turns.of(moment), -1, axis=1) * TURN)
         record["pose"], record["brush"] = pose, moment.brush
@@ -67,8 +73,9 @@ class Records:
         record["flags"] = PRESENT + LEADER * moment.leader
         record["body"] = self.bodies.take(moment)
         record["speed"] = np.linalg.norm(moment.velocity, axis=1)
-        for name in self.labels:
-            record[name] = moment.labels.get(name, 0)
+        for name, codes in moment.labels.items():
+            record[name] = codes
+        self.labels += [name for name in borne(self.simulation, moment) if name not in self.labels]
         rows = np.array([self.slots[animal] for animal in moment.ids.tolist()], "<u4")
         self._spool.write(rows.tobytes() + record.tobytes())
         self._counts.append(len(moment))
@@ -78,13 +85,14 @@ class Records:
         """Each frame as an array of records, one for each animal that is ever there; ``flags`` 0: not now."""
         self._spool.flush()
         self._spool.seek(0)
-        last = np.zeros(len(self.slots), self.type)
+        kind, names = self.type, [*self.type.names]
+        last = np.zeros(len(self.slots), kind)
         last["turn"][:, 3] = TURN
         for count in self._counts:
             rows = np.frombuffer(self._spool.read(4 * count), "<u4")
-            here = np.frombuffer(self._spool.read(self.type.itemsize * count), self.type)
+            here = np.frombuffer(self._spool.read(self._whole.itemsize * count), self._whole)
             last["flags"] = 0
-            last[rows] = here
+            last[rows] = here[names]
             yield last
 
     def by_animal(self):

@@ -21,7 +21,6 @@ from flockbrush.output.gltf.surroundings import PlaceNodes, facing
 from flockbrush.output.picture_exporter import camera_of, chosen_theme
 from flockbrush.output.trajectory_table import metadata_of
 from flockbrush.render.gaits import Gaits
-from flockbrush.runs.snapshots import words_of
 
 UPRIGHT = [-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]  # z up becomes y up
 
@@ -45,8 +44,7 @@ class GltfNodes:
         self.document.add("scenes", name="Scene", nodes=[self.world])
         self.document.top["scene"] = 0
         self.bodies, self.gaits = GltfBodies(self.document, simulation, chosen_theme(options)), Gaits(simulation)
-        labels = [name for name in words_of(simulation) if name not in ("species", "brush")]
-        self.records = Records(path.parent, simulation, labels)
+        self.records = Records(path.parent, simulation)
         self.place, self.times = None, []
         if isinstance(simulation, Simulation):
             self.place = PlaceNodes(self.document, self.bodies, simulation, options, self.world, fps)

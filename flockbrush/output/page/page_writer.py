@@ -27,11 +27,11 @@ from flockbrush.render.painter import brushes_in_sight
 from flockbrush.render.scenery import Scenery
 from flockbrush.render.space_view import sky_of
 from flockbrush.render.style import PALETTE, mix, rgb, worn
+from flockbrush.runs.catalogue import catalogue_of
 from flockbrush.runs.run import versions
-from flockbrush.runs.snapshots import words_of
+from flockbrush.runs.snapshots import borne
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.measures import compute_milling, compute_polarization
-from flockbrush.systems.palette import Palette
 
 HERE = Path(__file__).parent
 GROUND = (56, 32)  # pixels of a patch of painted ground in the legend, twice those on the page
@@ -71,7 +71,7 @@ class PageWriter:
         self._ground(moment.time)
         body, attitude = self.bodies.take(moment), held(self.simulation, moment)
         self.rows.append(row_of(moment, body, attitude, *self.gaits.of(moment)))
-        self.labels += [name for name in moment.labels if name not in self.labels]
+        self.labels += [name for name in borne(self.simulation, moment) if name not in self.labels]
         self.times.append(round(moment.time, 6))
         for name, value in measured(moment).items():
             self.measures[name].append(None if value is None else float(f"{value:.4g}"))
@@ -143,7 +143,8 @@ class PageWriter:
 
     def _about(self):
         simulation, look = self.simulation, self.theme
-        palette, words = simulation.world.resource(Palette), words_of(simulation)
+        catalogue = catalogue_of(simulation.world)
+        palette = catalogue.palette
         looks = looks_of(simulation)
         wrap = simulation.world.resource(Landscape).wrap
         return {
@@ -154,7 +155,7 @@ class PageWriter:
             "source": self.options.get("source") or {},
             "times": self.times,
             "columns": COLUMNS,
-            "words": words,
+            "words": {name: catalogue.words[name] for name in ("species", "brush", *self.labels)},
             "brush_colours": worn([brush.colour for brush in palette.brushes], look),
             "brush_grounds": self._grounds(palette),
             "predators": [bool(danger) for danger in palette.danger],

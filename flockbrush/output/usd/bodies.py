@@ -10,8 +10,8 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 from flockbrush.render.animal_looks import CLIPS, DARK, WIDE, mesh_of, phased, poses_of
 from flockbrush.render.gaits import looks_of
 from flockbrush.render.style import linear_rgb, mix, worn_rgb
+from flockbrush.runs.catalogue import catalogue_of
 from flockbrush.runs.snapshots import words_of
-from flockbrush.systems.palette import Palette
 
 LOOKS, MATERIALS = "/Looks", "/World/Materials"
 EVERY = 2  # every so manieth pose of a cycle becomes a prototype
@@ -96,7 +96,7 @@ class UsdBodies:
 
     def _material(self, name, brush, part):
         """A material of the colour of a brush: its own, for hooves and wing tips (dark) or for heads (light)."""
-        known = getattr(self.simulation.world.resource(Palette), "brushes", ())
+        known = catalogue_of(self.simulation.world).palette.brushes
         colour = worn_rgb(brush, tuple(each.colour for each in known), self.theme)
         shades = {"dark": mix((0, 0, 0), colour, DARK), "light": mix(colour, (255, 255, 255), 0.4)}
         word = f"brush_{name}_{part}" if part else f"brush_{name}"

@@ -31,6 +31,7 @@ class Instancer:
             "extent": herd.CreateExtentAttr(),
         }
         self._primvars = UsdGeom.PrimvarsAPI(herd)
+        self._last: dict[str, np.ndarray] = {}
 
     def _number(self, key):
         """Index of the prototype that shows this, new or known."""
@@ -64,6 +65,9 @@ class Instancer:
             if name not in self._attributes:
                 interpolation = UsdGeom.Tokens.vertex
                 self._attributes[name] = self._primvars.CreatePrimvar(name, _MANY[kind], interpolation).GetAttr()
+            if kind == "int" and np.array_equal(value, self._last.get(name)):
+                continue  # whole numbers hold until the next sample
+            self._last[name] = value
             array = Vt.FloatArray if kind == "float" else Vt.IntArray
             self._attributes[name].Set(array.FromNumpy(value), frame)
         return (64 + 4 * len(primvars_of(moment, phase))) * len(moment)
