@@ -127,6 +127,11 @@ class Obstacle:
     shape: str = prop("enum", "box", "solid shape that is made from its outline", enum="ObstacleShape")
     corners: np.ndarray | None = None  # (k, 3) m east, north, up of the middle of its foot: those of a hull
 
+    @property
+    def on_the_ground(self):
+        """Whether animals on the ground meet it; they pass below what begins higher."""
+        return self.z_min <= 0.0
+
 
 BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
 # whom paint and zones bind, and what zones do: a designer's view; the world keeps a `flockbrush.systems.marks.Zone`

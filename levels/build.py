@@ -278,7 +278,7 @@ def landscape_of(level, palette):
         native.cost,
         relief_of() if height is None else relief_of(height.values, height.cell),
         1.0 if height is None else height.cell,
-        [replace(o) for o in level.obstacles if o.z_min <= 0.0],
+        [replace(o) for o in sorted(level.obstacles, key=lambda o: not o.on_the_ground)],
         [replace(guide) for guide in level.guides],
         [replace(goal, xy=np.asarray(goal.xy, float)) for goal in level.goals],
         [replace(way_out) for way_out in level.exits],
@@ -287,7 +287,6 @@ def landscape_of(level, palette):
         of_bare=bare(),
         painted=painted,
         native=native,
-        overhead=[replace(o) for o in level.obstacles if o.z_min > 0.0],
         marks=MapMarks(
             level.zones, level.lines, level.areas, level.script, palette.names, sheets_of(level, palette.names),
             None if level.factor is None else level.factor.values,

@@ -165,7 +165,7 @@ def _wall_at(level, point):
     if not (0 <= x < level.width and 0 <= y < level.height):
         return "the edge of the map" if level.boundary == "wall" else ""
     for o in level.obstacles:
-        if o.solid and o.z_min <= 0 and geometry.inside(point[None], o.polygon)[0]:
+        if o.solid and o.on_the_ground and geometry.inside(point[None], o.polygon)[0]:
             return f"obstacle {o.name[:60] or o.id!r}"
     if level.terrain is not None and not level.terrain.walkable[int(y / level.cell), int(x / level.cell)]:
         return "ground that no animal walks on"
@@ -205,7 +205,7 @@ def slope_hints(level, places, library, fauna):
 def _costs(level, steep):
     """(ny, nx) least cost to the first goal, round steep ground; infinite where no way leads."""
     terrain, goal = level.terrain or Terrain.blank(level.shape), level.goals[0]
-    solid = [o for o in level.obstacles if o.solid and o.z_min <= 0.0]
+    solid = [o for o in level.obstacles if o.solid and o.on_the_ground]
     blocked = steep | compose_blocked(level.shape, level.cell, terrain.walkable, solid)
     height = level.height_map.sample(Raster(level.cell, blocked).centres())
     mask = goal_mask(goal.xy, goal.radius, goal.polygon, level.shape, level.cell)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -78,7 +79,7 @@ class Landscape:
     cost: np.ndarray  # (ny, nx); of a metre on the way to a goal
     relief: np.ndarray = field(default_factory=relief_of)  # (my, mx, 3); see `flockbrush.systems.terrain.relief_of`
     relief_cell: float = 1.0
-    barriers: list[Obstacle] = field(default_factory=list)
+    obstacles: list[Obstacle] = field(default_factory=list)
     guides: list[Guide] = field(default_factory=list)
     goals: list[Goal] = field(default_factory=list)
     exits: list[Exit] = field(default_factory=list)
@@ -107,7 +108,6 @@ class Landscape:
     _known: tuple | None = None  # what the navigation field was made of
     slope_limits: tuple = (STEEPEST,)  # rise per metre; the navigation field is for animals with these, on hills
     _limits_of: tuple = (None, None)  # the limits of all species, and which of `slope_limits` each has
-    overhead: list[Obstacle] = field(default_factory=list)  # what begins above the ground
     glides: list[Glide] = field(default_factory=list)  # what is on its way to another place
     _sky: tuple[Solids, Solids] | None = None
     _standing: Solids | None = None
@@ -145,6 +145,16 @@ class Landscape:
     def bounds(self):
         """(west, south, east, north), m, of the ground one can stand on; an open map has no end."""
         return (-np.inf, -np.inf, np.inf, np.inf) if self.boundary == "open" else (0.0, 0.0, self.width, self.height)
+
+    @property
+    def barriers(self):
+        """The obstacles that animals on the ground meet."""
+        return [b for b in self.obstacles if b.on_the_ground]
+
+    @property
+    def overhead(self):
+        """The obstacles that begin above the ground: animals there pass below them."""
+        return [b for b in self.obstacles if not b.on_the_ground]
 
     @property
     def solids(self):
@@ -269,17 +279,17 @@ class Landscape:
     # edges and fields -----------------------------------------------------------
 
     def rebuild(self, navigation=True):
-        """Make edges and fields anew after barriers, terrain, guides or goals have changed."""
+        """Make edges and fields anew after obstacles, terrain, guides or goals have changed."""
         self.changed()
-        walls, wall_owner, views = [], [], []
-        for owner, b in enumerate(self.barriers):
+        walls, wall_owner, views, barriers = [], [], [], self.barriers
+        for owner, b in enumerate(barriers):
             edges = np.hstack([b.polygon, np.roll(b.polygon, -1, axis=0)])
             if b.solid:
                 walls.append(edges)
                 wall_owner += [owner] * len(edges)
             if b.blocks_view:
                 views.append(edges)
-        owner = len(self.barriers)
+        owner = len(barriers)
         for mask, into in ((~self.walkable, walls), (self.blind, views)):
             if mask.any():
                 edges = outline_edges(mask) * self.cell
@@ -297,12 +307,12 @@ class Landscape:
             views, _ = across_seam(views, np.zeros(len(views), np.int32), self.wrap, self.reach)
         self.solid, self.opaque = edges_by_cell(walls, self.reach), edges_by_cell(views, self.reach)
         self.touch = 0.0
-        self.blocked = self._blocked(self.barriers, self.walkable)
+        self.blocked = self._blocked(barriers, self.walkable)
         if navigation:
             self.navigate()
 
     def changed(self):
-        """Say that barriers, guides, goals or exits are others now."""
+        """Say that obstacles, guides, goals or exits are others now."""
         self._head = self._sky = self._standing = None
         names = [goal.name for goal in self.goals]
         for goal in self.goals:
@@ -391,21 +401,21 @@ class Landscape:
             self.rebuild(navigation=False)
 
     def find(self, name):
-        """The barriers of this name."""
-        return [b for b in (*self.barriers, *self.overhead) if b.name == name]
+        """The obstacles of this name."""
+        return [b for b in self.obstacles if b.name == name]
 
-    def shift(self, barrier, by):
-        """Put a barrier elsewhere, by (3,) m; the navigation field is for the caller to see to."""
-        barrier.polygon = barrier.polygon + np.asarray(by[:2], float)
-        barrier.z_min, barrier.z_max = barrier.z_min + float(by[2]), barrier.z_max + float(by[2])
-        if self.on_the_ground(barrier):
+    def shift(self, obstacle, by):
+        """Put an obstacle elsewhere, by (3,) m; the navigation field is for the caller to see to.
+
+        One that leaves the ground lets animals there pass, and one that comes down bars their way.
+        """
+        was_on_the_ground = obstacle.on_the_ground
+        obstacle.polygon = obstacle.polygon + np.asarray(by[:2], float)
+        obstacle.z_min, obstacle.z_max = obstacle.z_min + float(by[2]), obstacle.z_max + float(by[2])
+        if was_on_the_ground or obstacle.on_the_ground:
             self.rebuild(navigation=False)
         else:
             self.changed()
-
-    def on_the_ground(self, barrier):
-        """Whether animals on the ground meet this barrier."""
-        return any(b is barrier for b in self.barriers)
 
     # state ----------------------------------------------------------------------
 
@@ -428,6 +438,8 @@ class Landscape:
             "glides": [[g.name, g.by.tolist(), g.left] for g in self.glides],
             **{name: [_plain(thing) for thing in getattr(self, name)] for name in _THINGS},
         }
+        aloft = [not b.on_the_ground for b in self.obstacles]
+        head |= {"aloft": aloft} if aloft != sorted(aloft) else {}
         marks = self.marks.state()
         head |= {} if marks is None else {"marks": marks}
         return json.dumps(head).encode()
@@ -450,8 +462,11 @@ class Landscape:
         if rasters[2].tobytes() != ground_before:
             self.lay_ground(*everywhere, rasters[2])
         self.reach = head["reach"]
-        for name, kind in _THINGS.items():
-            setattr(self, name, [kind(**_arrays(thing)) for thing in head[name]])
+        things = {name: [kind(**_arrays(thing)) for thing in head[name]] for name, kind in _THINGS.items()}
+        lists = [iter(things.pop(name)) for name in ("barriers", "overhead")]
+        self.obstacles = [next(lists[aloft]) for aloft in head["aloft"]] if "aloft" in head else list(chain(*lists))
+        for name, entries in things.items():
+            setattr(self, name, entries)
         self.glides = [Glide(name, np.array(by), left) for name, by, left in head["glides"]]
         if edges_before != (self.reach, [_plain(b) for b in self.barriers], self.painted.ground.tobytes()):
             self.rebuild(navigation=False)
@@ -464,18 +479,7 @@ class Landscape:
 
 _THINGS: dict[str, Any] = {"barriers": Obstacle, "overhead": Obstacle, "guides": Guide, "goals": Goal, "exits": Exit}
 _ORDER = {  # of fields in the state: its hash depends on it
-    Obstacle: (
-        "polygon",
-        "solid",
-        "blocks_view",
-        "name",
-        "margin",
-        "id",
-        "z_min",
-        "z_max",
-        "shape",
-        "corners",
-    ),
+    Obstacle: ("polygon", "solid", "blocks_view", "name", "margin", "id", "z_min", "z_max", "shape", "corners"),
     Guide: ("points", "strength", "radius", "decay", "goal", "loop", "name", "id"),
     Goal: ("name", "xy", "radius", "polygon", "on_arrive", "next", "id"),
     Exit: ("polygon", "name", "id"),

@@ -58,17 +58,11 @@ class AddObstacle:
     corners: list | None = None  # of a hull: [east, north, up] in m from the middle of its foot
 
     def check(self, world):
-        land, (west, south, east, north) = world.resource(Landscape), box_of(self.polygon())
-        off = east < 0 or north < 0 or west > land.width or south > land.height
-        need(not off, f"the obstacle is not on the map, which is {land.width:g} x {land.height:g} m")
+        land = world.resource(Landscape)
+        on_the_map(land, self.polygon())
         need(self.id >= 0, f"id must be at least 0, got {self.id}")
         need(0 <= self.margin <= 1000, f"margin must be 0 to 1000 m, got {self.margin:g}")
         low, high, shape, corners = self.stand(land)
-        others = land.barriers if low > 0 else land.overhead
-        need(
-            by_id(others, self.id) is None,
-            "AddObstacle cannot lift an obstacle off the ground or lower it; use MoveObstacle",
-        )
         need(shape in SHAPES, f"shape must be one of {', '.join(SHAPES)}{did_you_mean(shape, SHAPES)}")
         need(low < high, f"z_min must be below z_max, got {low:g} and {high:g} m")
         need(shape != "hull" or corners is not None, "a hull needs corners, [[east, north, up], ...] in m")
@@ -76,7 +70,7 @@ class AddObstacle:
 
     def stand(self, land):
         """(z_min, z_max, shape, corners); what is not told is as it was, or from the ground up."""
-        existing = next((b for b in (*land.barriers, *land.overhead) if self.id and b.id == self.id), None)
+        existing = next((b for b in land.obstacles if self.id and b.id == self.id), None)
         usual = (0.0, 1000.0, "box", None)
         if existing is not None:
             usual = existing.z_min, existing.z_max, existing.shape, existing.corners
@@ -88,16 +82,12 @@ class AddObstacle:
         return polygon_of(self.points, "an obstacle")
 
     def ground_box(self, world):
-        things, box = self._things(world.resource(Landscape)), box_of(self.polygon())
+        things, box = world.resource(Landscape).obstacles, box_of(self.polygon())
         index = by_id(things, self.id)
         return box if index is None else around(box, box_of(things[index].polygon))
 
     def touches(self, world):
         return [TouchedThings("obstacle")]
-
-    def _things(self, land):
-        """The list of obstacles that it belongs to."""
-        return land.overhead if self.stand(land)[0] > 0 else land.barriers
 
     def apply(self, world):
         self.check(world)
@@ -106,7 +96,7 @@ class AddObstacle:
         corners = np.array(corners, float) if stands[-1] == "hull" else None
         stops = self.polygon(), self.solid, self.blocks_view, self.margin
         barrier = Obstacle(self.id, self.name, *stops, *stands, corners)
-        things = self._things(land)
+        things = land.obstacles
         before, index = list(things), by_id(things, self.id)
         if index is not None:
             things[index] = barrier
@@ -114,13 +104,20 @@ class AddObstacle:
             things.insert(self.at if 0 <= self.at < len(things) else len(things), barrier)
         land.rebuild(navigation=False)
         try:
-            if self.solid and land.on_the_ground(barrier):
+            if self.solid and barrier.on_the_ground:
                 evict(world, barrier.polygon)
         except ValueError:
             things[:] = before
             land.rebuild(navigation=False)
             raise
         land.navigate_later(world.resource(Clock).tick)
+
+
+def on_the_map(land, polygon):
+    """ValueError unless a part of a polygon (k, 2) m is on the map."""
+    west, south, east, north = box_of(polygon)
+    off = east < 0 or north < 0 or west > land.width or south > land.height
+    need(not off, f"the obstacle is not on the map, which is {land.width:g} x {land.height:g} m")
 
 
 def check_corners(corners):
@@ -163,46 +160,33 @@ class RemoveObstacle:
     name: str = ""
     id: int = 0
     at: int = -1  # of several of a name only the one at this place in the order
-    overhead: bool = False  # `at` counts those above the ground
 
     def gone(self, world):
-        """(those on the ground, those above it), indices of the obstacles that go; ValueError when there are none."""
-        land = world.resource(Landscape)
-        lists = land.barriers, land.overhead
+        """Indices of the obstacles that go; ValueError when there are none."""
+        things = world.resource(Landscape).obstacles
         if self.id:
-            rows = [[k for k, b in enumerate(things) if b.id == self.id][:1] for things in lists]
-            need(any(rows), f"there is no obstacle {self.id} in this world")
-            return rows
-        names = [b.name for things in lists for b in things]
+            need(by_id(things, self.id) is not None, f"there is no obstacle {self.id} in this world")
+            return [by_id(things, self.id)]
+        names = [b.name for b in things]
         need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
-        rows = [[k for k, b in enumerate(things) if b.name == self.name] for things in lists]
-        if self.at in rows[self.overhead]:
-            rows = [[], [self.at]] if self.overhead else [[self.at], []]
-        return rows
+        rows = [k for k, name in enumerate(names) if name == self.name]
+        return [self.at] if self.at in rows else rows
 
     def ground_box(self, world):
-        return around(*(box_of(things[k].polygon) for things, k in self._pairs(world)))
+        things = world.resource(Landscape).obstacles
+        return around(*(box_of(things[k].polygon) for k in self.gone(world)))
 
     def touches(self, world):
         return [TouchedThings("obstacle")]
 
-    def _pairs(self, world):
-        land = world.resource(Landscape)
-        lists = zip((land.barriers, land.overhead), self.gone(world), strict=True)
-        return [(things, k) for things, rows in lists for k in rows]
-
     def apply(self, world):
-        land = world.resource(Landscape)
-        ground, above = self.gone(world)
-        land.barriers = [b for k, b in enumerate(land.barriers) if k not in ground]
-        land.overhead = [b for k, b in enumerate(land.overhead) if k not in above]
+        land, gone = world.resource(Landscape), self.gone(world)
+        land.obstacles = [b for k, b in enumerate(land.obstacles) if k not in gone]
         land.rebuild(navigation=False)
         land.navigate_later(world.resource(Clock).tick)
 
 
-KINDS["obstacle"] = ThingKind(
-    ("barriers", "overhead"), _put, lambda b, at, n: RemoveObstacle(b.name, b.id, at, overhead=n == 1)
-)
+KINDS["obstacle"] = ThingKind(("obstacles",), _put, lambda b, at, n: RemoveObstacle(b.name, b.id, at))
 
 
 class TouchedStand(NamedTuple):
@@ -223,7 +207,8 @@ class TouchedStand(NamedTuple):
 class MoveObstacle:
     """Move an obstacle, by its name: its middle to (x, y), and up by ``rise``; evenly within ``seconds``, or at once.
 
-    Animals on the ground step aside; one on the ground waits while they cannot.  Those in the air are pushed.
+    Animals on the ground step aside; one on the ground waits while they cannot.  Those in the air are pushed.  When it
+    has left the ground animals pass below it; when it comes down it bars their way.
     """
 
     name: str
@@ -234,9 +219,12 @@ class MoveObstacle:
 
     def check(self, world):
         land = world.resource(Landscape)
-        names = [b.name for b in (*land.barriers, *land.overhead)]
+        names = [b.name for b in land.obstacles]
         need(self.name in names, f"there is no obstacle {self.name!r}{did_you_mean(self.name, names)}")
         need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
+        by = self._way(land)
+        for b in land.find(self.name):
+            on_the_map(land, b.polygon + by[:2])
 
     def touches(self, world):
         return [TouchedStand(self.name)]
@@ -247,11 +235,15 @@ class MoveObstacle:
     def apply(self, world):
         self.check(world)
         land = world.resource(Landscape)
-        middle = land.find(self.name)[0].polygon.mean(0)
-        by = np.array([self.x - middle[0], self.y - middle[1], self.rise])
+        by = self._way(land)
         land.glides = [glide for glide in land.glides if glide.name != self.name]
         land.glides.append(Glide(self.name, by, self.seconds))
         land.changed()
+
+    def _way(self, land):
+        """(3,) m"""
+        middle = land.find(self.name)[0].polygon.mean(0)
+        return np.array([self.x - middle[0], self.y - middle[1], self.rise])
 
 
 @command
@@ -294,7 +286,7 @@ class StandObstacle:
         land.rebuild(navigation=False)
         try:
             for b in barriers:
-                if b.solid and land.on_the_ground(b):
+                if b.solid and b.on_the_ground:
                     evict(world, b.polygon)
         except ValueError:
             for b, (points, low, high) in zip(barriers, before, strict=True):
@@ -310,13 +302,14 @@ class StandObstacle:
 def advance(world, land, glide, clock):
     """One tick of an obstacle on its way."""
     barriers = land.find(glide.name)
+    met = any(b.on_the_ground for b in barriers)
     share = 1.0 if glide.left <= clock.dt else clock.dt / glide.left
     step = share * glide.by
     for b in barriers:
         land.shift(b, step)
     try:
         for b in barriers:
-            if b.solid and land.on_the_ground(b):
+            if b.solid and b.on_the_ground:
                 evict(world, b.polygon)
     except ValueError:  # somebody stands there who has no room to step aside: wait
         for b in barriers:
@@ -326,7 +319,7 @@ def advance(world, land, glide, clock):
     if share == 1.0 or not barriers:
         land.glides.remove(glide)
     land.changed()
-    if any(land.on_the_ground(b) for b in barriers):
+    if met or any(b.on_the_ground for b in barriers):
         land.navigate_later(clock.tick)
 
 

@@ -68,8 +68,8 @@ class Scenery:
 
     @property
     def obstacles(self):
-        """Those on the ground as they are now, and those of the level that hang above it."""
-        return [*self.land.barriers, *(o for o in self.level.obstacles if o.z_min > 0)]
+        """Those that there are now."""
+        return self.land.obstacles
 
     @property
     def guides(self):
@@ -127,7 +127,7 @@ class Scenery:
         """All that stands there, as one value."""
         land = self.land
         return (
-            tuple((b.polygon.tobytes(), b.solid, b.blocks_view) for b in land.barriers),
+            tuple((b.polygon.tobytes(), b.solid, b.blocks_view, b.on_the_ground) for b in land.obstacles),
             tuple((np.asarray(g.points).tobytes(), g.radius, g.loop) for g in land.guides),
             tuple((g.name, g.xy.tobytes(), g.radius, _bytes(g.polygon)) for g in land.goals),
             tuple((e.name, e.polygon.tobytes()) for e in land.exits),

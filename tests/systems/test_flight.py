@@ -403,7 +403,7 @@ def test_an_obstacle_that_moves_pushes_birds_and_goes_where_it_is_sent():
     pushed, other = simulation.agents[Position.xyz]
     assert pushed[0] > 18
     assert other == pytest.approx((12, 30, 3))
-    door = simulation.world.resource(Landscape).barriers[0]
+    door = simulation.world.resource(Landscape).obstacles[0]
     assert door.polygon.mean(0) == pytest.approx((17, 20))
     assert (door.z_min, door.z_max) == (1.0, 1001.0)
     assert simulation.world.resource(Landscape).glides == []

@@ -90,7 +90,8 @@ def walkable(simulation) -> str:
     from flockbrush.render.scenery import Scenery
 
     level = simulation.level
-    stones = [shapely.Polygon(o.polygon).buffer(0) for o in Scenery(simulation).obstacles if o.solid]
+    barriers = [o for o in Scenery(simulation).obstacles if o.solid and o.on_the_ground]
+    stones = [shapely.Polygon(o.polygon).buffer(0) for o in barriers]
     whole = shapely.box(0, 0, level.width, level.height)
     left = whole.difference(shapely.union_all(stones)) if stones else whole
     parts = [part for part in shapely.get_parts(left) if part.area > 0]

@@ -108,7 +108,7 @@ def place(simulation):
         "type": "place",
         "obstacles": [
             {"name": o.name, "outline": _points(o.polygon), "solid": bool(o.solid), "z_min": o.z_min, "z_max": o.z_max}
-            for o in (*land.barriers, *land.overhead)
+            for o in land.obstacles
         ],
         "guides": [{"name": g.name, "points": _points(g.points), "loop": bool(g.loop)} for g in land.guides],
         "goals": [{"name": g.name, "xy": [float(v) for v in g.xy], "radius": g.radius} for g in land.goals],

@@ -28,7 +28,7 @@ def things(simulation) -> list[tuple[str, object]]:
     result += [("spawn", spawn) for spawn in nursery.spawns if hasattr(spawn, "polygon")]
     result += [("area", thing) for thing in land.marks.areas]
     result += [("exit", thing) for thing in land.exits if hasattr(thing, "polygon")]
-    result += [("obstacle", thing) for thing in land.barriers]
+    result += [("obstacle", thing) for thing in land.obstacles]
     result += [("guide", thing) for thing in land.guides]
     result += [("goal", thing) for thing in land.goals]
     result += [("line", thing) for thing in land.marks.lines]

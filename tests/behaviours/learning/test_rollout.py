@@ -68,7 +68,7 @@ def test_an_obstacle_here_and_in_a_level_turns_animals_the_same_way():
     x, y = begin.xy.max(0)[0] + 1.0, begin.xy[:, 1].mean()
     block = np.array([(x, y - 2), (x + 2, y - 2), (x + 2, y + 2), (x, y + 2)])
     land = simulation.world.resource(Landscape)
-    land.barriers.append(Obstacle(0, "", block))
+    land.obstacles.append(Obstacle(0, "", block))
     land.rebuild(navigation=False)
     ends = np.hstack([block, np.roll(block, -1, 0)])
     walls = Walls(ends, np.zeros(4, np.int32))

@@ -1,0 +1,115 @@
+"""Obstacles that leave the ground and come down again: who passes, undo, and the state of the world."""
+
+import numpy as np
+import pytest
+from edited_scene import do, land_of, scene, settled
+from flockbrush.components import Position
+from flockbrush.engine.commands import CommandError
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.systems.commands import AddObstacle, MoveObstacle
+from flockbrush.systems.edits import RemoveThing
+from flockbrush.systems.landscape import PATIENCE
+from small_herd import box
+
+GATE = box(28, 0, 29, 40).tolist()  # across the whole map
+MIDDLE = 28.5, 20.0
+
+
+def with_gate(z_min):
+    simulation = scene()
+    do(simulation, AddObstacle("gate", GATE, id=90, z_min=z_min, z_max=z_min + 3.0))
+    simulation.run(PATIENCE + 2)
+    return simulation
+
+
+def bars(simulation):
+    """Whether the gate stops bodies, and whether the navigation field knows it."""
+    land = land_of(simulation)
+    land.settle(10**9)
+    crossing = (land.solid.ends[:, [0, 2]].min(1) == 28.0) & (land.solid.ends[:, [0, 2]].max(1) == 28.0)
+    ways = bool(land.blocked[:, int(28.5 / land.cell)].all())
+    assert bool(crossing.any()) == ways
+    return ways
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.25])
+def test_a_raised_gate_lets_pass_and_a_lowered_one_bars(seconds):
+    simulation = with_gate(0.0)
+    assert bars(simulation)
+    do(simulation, MoveObstacle("gate", *MIDDLE, rise=5.0, seconds=seconds))
+    simulation.run(12)
+    assert not bars(simulation)
+    do(simulation, MoveObstacle("gate", *MIDDLE, rise=-5.0, seconds=seconds))
+    simulation.run(12)
+    assert bars(simulation)
+
+
+def test_a_gate_that_was_born_high_bars_the_way_of_walkers_once_it_is_down():
+    closed, opened = with_gate(0.0), with_gate(5.0)
+    assert not bars(opened)
+    do(opened, MoveObstacle("gate", *MIDDLE, rise=-5.0))
+    opened.run(2)
+    assert bars(opened)
+    assert np.array_equal(land_of(opened).blocked, land_of(closed).blocked)
+
+
+def test_who_stands_below_a_gate_that_comes_down_steps_aside():
+    simulation = scene()
+    do(simulation, AddObstacle("lid", box(9, 8, 13, 16).tolist(), z_min=5.0, z_max=8.0))
+    do(simulation, MoveObstacle("lid", 11.0, 12.0, rise=-5.0))
+    simulation.run(1)
+    xy = simulation.agents[Position.xyz][:, :2]
+    inside = ((xy > (9, 8)) & (xy < (13, 16))).all(axis=1)
+    assert not inside.any()
+
+
+def test_undo_puts_a_raised_gate_back_in_its_place_in_the_order():
+    simulation = with_gate(0.0)
+    do(simulation, AddObstacle("fence", box(35, 0, 36, 20).tolist(), id=91))
+    simulation.run(PATIENCE + 2)
+    before = settled(simulation)
+    back = do(simulation, MoveObstacle("gate", *MIDDLE, rise=5.0))
+    simulation.run(1)
+    assert [o.name for o in land_of(simulation).overhead] == ["gate"]
+    do(simulation, *back)
+    assert settled(simulation)[0] == before[0]
+
+
+def test_a_removed_gate_comes_back_as_high_as_it_was():
+    simulation = with_gate(0.0)
+    do(simulation, MoveObstacle("gate", *MIDDLE, rise=5.0))
+    simulation.run(2)
+    before = settled(simulation)[0]
+    back = do(simulation, RemoveThing("obstacle", 90))
+    do(simulation, *back)
+    assert settled(simulation)[0] == before
+    assert [o.name for o in land_of(simulation).overhead] == ["gate"]
+
+
+def test_the_order_of_obstacles_on_and_above_the_ground_survives_a_snapshot():
+    simulation = with_gate(5.0)
+    do(simulation, AddObstacle("fence", box(35, 0, 36, 20).tolist(), id=91))
+    names, kept = [o.name for o in land_of(simulation).obstacles], snapshot(simulation.world)
+    assert names == ["barn", "gate", "fence"]
+    hashed = state_hash(simulation.world)
+    do(simulation, RemoveThing("obstacle", 90))
+    restore(simulation.world, kept)
+    assert [o.name for o in land_of(simulation).obstacles] == names
+    assert state_hash(simulation.world) == hashed
+
+
+def test_an_edit_may_lift_an_obstacle_and_put_it_down():
+    simulation = with_gate(0.0)
+    before = settled(simulation)[0]
+    back = do(simulation, AddObstacle("gate", GATE, id=90, z_min=4.0, z_max=7.0))
+    assert not bars(simulation)
+    do(simulation, *back)
+    assert bars(simulation)
+    assert settled(simulation)[0] == before
+
+
+def test_an_obstacle_cannot_be_sent_off_the_map():
+    simulation = with_gate(0.0)
+    with pytest.raises(CommandError, match="not on the map, which is 40 x 40 m"):
+        do(simulation, MoveObstacle("gate", -50.0, 15.0))
+    assert bars(simulation)
