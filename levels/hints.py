@@ -7,6 +7,7 @@ import functools
 import numpy as np
 from flockbrush.behaviours.brush import flies_free
 from flockbrush.behaviours.mixture import can_mix, path_between
+from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.raster import Raster
 from flockbrush.levels import geometry
 from flockbrush.levels.properties import is_number
@@ -110,6 +111,29 @@ def level_hints(level, places):
             places[guide.id].warn(
                 f"ends at {wall}, where animals will jam; end it at a goal or an exit, or set its 'loop'"
             )
+
+
+def program_hints(level, places):
+    """Warn about triggers of programs that never fire because they name a place that is not in the level.
+
+    Parameters
+    ----------
+    places : dict of int to Place
+        By the id of the object.
+    """
+    goals = [goal.name for goal in level.goals]
+    known = {"goal": goals, "place": [*goals, *(thing.name for thing in (*level.zones, *level.areas))]}
+    known["region"] = known["place"]
+    mentioned = {value for key in level.script for value in key.args.values() if isinstance(value, str)}
+    for spawn in level.spawns:
+        program = level.programs.get(spawn.program)
+        for what, names in known.items() if program is not None else ():
+            for name in program.references(what):
+                if name not in names and name not in mentioned:
+                    places[spawn.id].warn(
+                        f"program {spawn.program!r} names the {what} {name[:60]!r}, which is not in this level: its "
+                        f"triggers do not fire{did_you_mean(name, names)}"
+                    )
 
 
 def _unlinked(level):

@@ -92,6 +92,12 @@ def heard(world):
     return sorted({name for program in world.resource(Programs).programs for name in program.events})
 
 
+def fauna_of(world, rows):
+    """`SpeciesList` of the species of some animals."""
+    fauna, kinds = world.resource(SpeciesList), np.unique(world.agents[Species.index][rows])
+    return SpeciesList([fauna.names[k] for k in kinds], fauna.library)
+
+
 def in_programs(world):
     """(k,) rows of the animals that follow a program."""
     return np.flatnonzero(world.agents[ProgramState.program] >= 0)
@@ -144,9 +150,8 @@ class GiveProgram(OfAnimals):
     def check(self, world):
         check_circle(self)
         if self.program:
-            world.resource(Programs).named(self.program)
-            fauna, kinds = world.resource(SpeciesList), np.unique(world.agents[Species.index][self.rows(world)])
-            check_can_follow(world, self.program, SpeciesList([fauna.names[k] for k in kinds], fauna.library))
+            programs = world.resource(Programs)
+            check_can_follow(world, programs.programs[programs.named(self.program)], fauna_of(world, self.rows(world)))
 
     def apply(self, world):
         enrol(world, world.agents.ids[self.rows(world)], self.program)
@@ -195,6 +200,10 @@ class UseProgram:
             raise ValueError(str(error)) from None
         wrong = known_brushes(program, world.resource(Palette).names, f"{self.name}.program.toml")
         need(not wrong, "\n".join(map(str, wrong)))
+        programs = world.resource(Programs)
+        if self.name in programs.names:
+            follow = world.agents[ProgramState.program] == programs.named(self.name)
+            check_can_follow(world, program, fauna_of(world, np.flatnonzero(follow)))
         if self.counts is not None:
             size = len(program.states)
             fits = np.shape(self.counts) == (size, size) and np.array(self.counts).dtype.kind == "i"

@@ -52,14 +52,15 @@ def check_can_come(world, species, brush, program):
     fauna = SpeciesList([species], world.resource(SpeciesList).library)
     why = cannot(world.resource(Palette), fauna, brush, species)
     need(not why, why)
-    check_can_follow(world, program, fauna)
+    if program:
+        programs = world.resource(Programs)
+        check_can_follow(world, programs.programs[programs.named(program)], fauna)
 
 
 def check_can_follow(world, program, fauna):
-    """ValueError when one of these species cannot move as a brush in a state of a program (a name, or "") does."""
-    programs = world.resource(Programs)
-    for species in fauna.names if program else ():
-        why = cannot_follow(world.resource(Palette), fauna, programs.programs[programs.named(program)], species)
+    """ValueError when one of these species cannot move as a brush in a state of a `Program` does."""
+    for species in fauna.names:
+        why = cannot_follow(world.resource(Palette), fauna, program, species)
         need(not why, why)
 
 

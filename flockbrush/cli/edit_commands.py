@@ -152,14 +152,21 @@ def _values(job, kind, words):
         if name not in LOOKS or not mark:
             raise refused("--look", f"must be brush=NAME, species=NAME or size=FACTOR, got {text!r}")
         if name == "size":
-            values[name] = _numbers("--look size", value, (1,))[0]
+            values[name] = _number(value)
             if not 0.01 <= values[name] <= 100:
-                raise refused("--look size", f"must be 0.01 to 100, got {value}")
+                raise refused("--look size", f"must be a number from 0.01 to 100, got {value!r}")
         elif value not in words[name]:
             raise refused("--look", f"there is no {name} {value!r} in this run; it has {', '.join(words[name])}")
         else:
             values[name] = value
     return values
+
+
+def _number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
 
 
 def _numbers(option, text, counts):
@@ -178,7 +185,8 @@ def _managed(job, file: EditFile):
         edit = file.undo() if job.undo else file.redo()
         if edit is None:
             raise refused(file.path, f"there is nothing to {'undo' if job.undo else 'redo'}")
-        return f"{'undid' if job.undo else 'redid'}: {sentence_of(edit)}"
+        layer = (file.undone if job.undo else file.done)[-1].layer
+        return f"{'undid' if job.undo else 'redid'}: {layer}: {sentence_of(edit)}"
     for name, word in ((job.on, "on"), (job.off, "off"), (job.remove_layer, "removed")):
         if name is None:
             continue

@@ -73,7 +73,7 @@ class EditJob:
     layer: Annotated[
         str, typer.Option(metavar="NAME", help="Layer of the edit; it is created if it does not exist.")
     ] = "edits"
-    undo: Annotated[bool, typer.Option("--undo", help="Undo the last edit.")] = False
+    undo: Annotated[bool, typer.Option("--undo", help="Undo the last edit, of any layer, on or off.")] = False
     redo: Annotated[bool, typer.Option("--redo", help="Redo the edit that was undone last.")] = False
     on: Annotated[str | None, typer.Option(metavar="LAYER", help="Switch a layer on.")] = None
     off: Annotated[str | None, typer.Option(metavar="LAYER", help="Switch a layer off.")] = None

@@ -31,6 +31,7 @@ from flockbrush.cli.shared_options import (
     Json,
     PaletteName,
     PaletteOption,
+    RecordFile,
     RecordingPath,
     ReportFolder,
     ThemeName,
@@ -83,7 +84,7 @@ def _common(
 def demo(
     out: Annotated[Path, typer.Option(metavar="FILE", help="Video file to write (.mp4).")] = Path("demo.mp4"),
     seconds: Annotated[float, typer.Option(min=0, metavar="S", help="Duration, simulated seconds.")] = RUN_SECONDS,
-    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None,
+    record: RecordFile = None,
     threads: Threads = None,
     theme: ThemeOption = ThemeName.light,
     palette: PaletteOption = PaletteName.own,

@@ -9,18 +9,21 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from flockbrush.behaviours.brush import BrushLibrary, shipped
+from flockbrush.behaviours.brush import BrushLibrary, can_move, shipped
 from flockbrush.behaviours.program import SUFFIX, known_brushes, load_program, shipped_programs
 from flockbrush.behaviours.program_writer import shares, toml, trigger_table
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.behaviours.trigger import ANYONE, KIN, OTHERS
+from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Level, Spawn
 from flockbrush.runs import terminal
 from flockbrush.runs.terminal import print_json, print_line, say, show, styled, table
+from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.program_commands import Event
 from flockbrush.systems.program_reports import counts, transitions
+from flockbrush.systems.selection import check_can_follow
 
 DENSITY = 0.25  # animals per square body length at the start of a test
 INTRUDER_AFTER = 5.0  # s
@@ -150,7 +153,18 @@ def oddities(program, file):
 # on a plane ------------------------------------------------------------------------------------
 
 
-def plane_for(program, library, animals, species, intruder, seed, body=None):
+def species_for(program, library):
+    """A species that can move by all brushes of a program: sheep, one that a brush is made for, or any other."""
+    fauna, brushes = shipped_species(), [library.get(name) for name in program.brushes]
+    made_for = [name for brush in brushes for name in brush.made_for if name in fauna.names()]
+    able = (
+        name for name in ("sheep", *made_for, *fauna.names())
+        if all(can_move(fauna.get(name), brush) for brush in brushes)
+    )  # fmt: skip
+    return next(able, "sheep")
+
+
+def plane_for(program, library, animals, species, intruder, seed):
     """A simulation of a herd under the program on an endless plane; an intruder may arrive later.
 
     Parameters
@@ -188,9 +202,13 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
     for what in ("region", "goal", "place"):
         for place in program.references(what):
             say(f"note: {file}: the plane has no {what} {place!r}; triggers that refer to it do not fire")
-    newcomer = read_intruder(intruder, library)
+    newcomer, species = read_intruder(intruder, library), species or species_for(program, library)
     with terminal.Interrupts() as interrupts, terminal.compiling():
         simulation = plane_for(program, library, animals, species, newcomer, seed)
+        try:
+            check_can_follow(simulation.world, program, SpeciesList([species]))
+        except ValueError as error:
+            raise refused("--species", str(error)) from None
         submit_events(simulation, events)
         series, every = [], max(1, round(seconds / 8 / simulation.clock.dt))
         ticks = round(seconds / simulation.clock.dt)
@@ -207,6 +225,7 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
         "animals": animals,
         "seconds": seconds,
         "seed": seed,
+        "species": species,
         "states": [{"time": time, **here} for time, here in series],
         "transitions": transitions(simulation.world)[program.name],
     }
@@ -215,7 +234,7 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
 
 def _show_test(program, series, report):
     names = list(program.states)
-    title = f"{program.name}: {report['animals']} animals on a plane, seed {report['seed']}"
+    title = f"{program.name}: {report['animals']} animals ({report['species']}) on a plane, seed {report['seed']}"
     rows = ((f"{time:g}", *(str(state_counts[name]) for name in names)) for time, state_counts in series)
     show(table("seconds", *names, rows=rows, title=title, right=("seconds", *names)))
     show(transition_table(names, report["transitions"]))

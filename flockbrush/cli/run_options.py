@@ -15,6 +15,7 @@ from flockbrush.cli.shared_options import (
     Json,
     LevelName,
     PaletteName,
+    RecordFile,
     ReportFolder,
     Seconds,
     Seed,
@@ -31,7 +32,7 @@ class PlayOptions:
     brush: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the brush selected at the start.")] = None
     seed: Seed = None
     agents: Agents = None
-    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None
+    record: RecordFile = None
     theme: Annotated[
         ThemeName | None, typer.Option(help="Colours of the window; default: those of the last session.")
     ] = None
@@ -85,7 +86,7 @@ class RunRequest:
     seconds: Seconds = None
     seed: Seed = None
     agents: Agents = None
-    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None
+    record: RecordFile = None
     export: Annotated[
         list[Path] | None,
         typer.Option(metavar="FILE", help="File to write (formats: flockbrush export --help); may be repeated."),
@@ -128,7 +129,7 @@ class ServeOptions:
     frame_rate: Annotated[
         float, typer.Option("--fps", min=1, max=60, metavar="F", help="Frames per second sent to each client.")
     ] = 60.0
-    record: Annotated[Path | None, typer.Option(metavar="FILE", help="Recording to write, for replay.")] = None
+    record: RecordFile = None
     seconds: Annotated[
         float | None,
         typer.Option(min=0, metavar="S", help="Stop after S simulated seconds; default: run until Ctrl-C."),

@@ -35,6 +35,21 @@ class PaletteName(str, enum.Enum):
 
 
 LevelName = Annotated[str, typer.Argument(metavar="LEVEL", help="Level: a .tmj file, or the name of a shipped level.")]
+
+
+def no_export(path: Path | None) -> Path | None:
+    """A recording to write, whose name does not say that it is another file."""
+    from flockbrush.output.exporter import exporter_of
+
+    if path is not None and exporter_of(path) is not None:
+        message = f"{path} would be a recording, not a {path.suffix} file: name it {path.stem}.flock, or use --export"
+        raise typer.BadParameter(message)
+    return path
+
+
+RecordFile = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Recording to write (.flock), for replay.", callback=no_export)
+]
 RecordingPath = Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording: a file made with --record.")]
 Events = Annotated[
     list[str] | None,

@@ -1,5 +1,6 @@
 """What is allowed in a level and rarely meant is a warning, with the object it is about."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.mixture import BrushPath, path_to_toml
 from flockbrush.levels.hints import mixing_hints
+from flockbrush.levels.reader import read_level_files
 from flockbrush.levels.schema import BrushLayer, PaintBounds
 from small_level import herd, level, objects, png, polyline, problems, properties, read, thing, tiles, with_objects
 
@@ -44,6 +46,24 @@ class TestGoals:
         document = with_objects("goals", goal(2, "pond", 80, 80), goal(3, "graze", 20, 80))
         document["layers"].append(objects("script", key))
         assert warnings(document) == []
+
+
+class TestPrograms:
+    def geese(self, name):
+        birds = herd(species="goose", brush="geese", program="lake-goose", count=3, altitude=20.0)
+        place = thing(3, "Area", 20, 20, 40, 40, name)
+        document = level(objects("spawns", birds), objects("areas", place))
+        files = {"small.tmj": json.dumps(document, indent=1).encode()}
+        return [str(warning) for warning in read_level_files(files, library=shipped()).warnings]
+
+    def test_a_place_that_is_not_in_the_level_is_named(self):
+        found = self.geese("lakes")
+        assert len(found) == 1
+        assert "program 'lake-goose' names the place 'lake', which is not in this level" in found[0]
+        assert found[0].endswith("its triggers do not fire; did you mean 'lakes'?")
+
+    def test_one_that_is_there_is_not(self):
+        assert self.geese("lake") == []
 
 
 class TestGuides:
