@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, get_type_hints
 
 import typer
 
+from flockbrush.engine.files import refused
 from flockbrush.film.looking import Looking
 
 if TYPE_CHECKING:
@@ -42,8 +43,8 @@ def no_export(path: Path | None) -> Path | None:
     from flockbrush.output.exporter import exporter_of
 
     if path is not None and exporter_of(path) is not None:
-        message = f"{path} would be a recording, not a {path.suffix} file: name it {path.stem}.flock, or use --export"
-        raise typer.BadParameter(message)
+        other = f"{path.stem}.flock"
+        raise refused(path, f"would be a recording, not a {path.suffix} file: name it {other}, or use --export")
     return path
 
 

@@ -78,6 +78,7 @@ def test_a_wrong_call_is_explained_with_code_2(cli, words):
         (["run", "meadow", "--ticks", "1", "--export", "herd.avi"], ".mp4, .nc, .parquet, .png"),
         (["run", "meadow", "--ticks", "1", "--export", "no/such/herd.csv"], "there is no folder 'no/such'"),
         (["run", "meadow", "--ticks", "1", "--record", "no/such/herd"], "there is no folder 'no/such'"),
+        (["run", "meadow", "--ticks", "1", "--record", "walk.mp4"], "walk.mp4: would be a recording, not a .mp4 file"),
         (["run", "meadow", "--ticks", "1", "--export", "a.csv", "--export", "a.csv"], "written twice"),
         (["run", "meadow", "--ticks", "1", "--export", "a.mp4", "--fps", "33"], "at most 32"),
         (["run", "meadow", "--ticks", "1", "--export", "a.mp4", "--fps", "nan"], "at most 32"),

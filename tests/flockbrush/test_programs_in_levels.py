@@ -147,3 +147,15 @@ def test_a_program_is_tried_on_a_plane(cli, tmp_path):
     assert "from \\ to" in cli(*words).out
     assert "must be SPECIES:BRUSH" in " ".join(cli(*words, "--intruder", "wolf").err.split())
     assert "there is no brush 'wolf-hnut'" in " ".join(cli(*words, "--intruder", "wolf:wolf-hnut").err.split())
+
+
+@pytest.mark.parametrize(("program", "species"), [("lake-goose", "goose"), ("falcon", "falcon"), ("merino", "sheep")])
+def test_a_program_is_tried_with_animals_that_can_follow_it(cli, program, species):
+    done = cli("program", "test", program, "--animals", 3, "--seconds", 0, "--json")
+    assert json.loads(done.out)["species"] == species
+
+
+def test_a_species_that_cannot_follow_a_program_is_refused(cli):
+    done = cli("program", "test", "lake-goose", "--species", "sheep", "--seconds", 0)
+    assert done.code == 1
+    assert "--species: program 'lake-goose'" in done.err and "cannot use brush 'geese', which flies" in done.err

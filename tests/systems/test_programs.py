@@ -9,7 +9,7 @@ from flockbrush.engine.state import state_hash
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Level, Spawn
 from flockbrush.systems.commands import AddAnimals, PaintBrush, RemoveAnimals
-from flockbrush.systems.edits import MarkSpawn
+from flockbrush.systems.edits import MarkSpawn, UseBrush
 from flockbrush.systems.program_commands import Event, ForgetProgram, GiveProgram, SetState, UseProgram
 from flockbrush.systems.program_reports import reason
 from flockbrush.systems.programs import Programs
@@ -159,6 +159,17 @@ def test_nobody_is_given_a_program_by_which_he_would_fly():
             commands.perform(lake.world, [command])
     commands.perform(lake.world, [GiveProgram("lake-goose", species="goose")])
     assert state_hash(lake.world) != before
+
+
+def test_a_program_is_not_replaced_by_one_by_which_its_animals_cannot_move():
+    scene = world(program("[state.a]"), [HERE])
+    aloft = program("[state.a]\nbrush = 'geese'")
+    commands = scene.world.resource(Commands)
+    geese = flockbrush.shipped().get("geese").source.decode()
+    commands.perform(scene.world, [UseBrush("geese", geese)])
+    with pytest.raises(CommandError, match="species 'sheep' cannot use brush 'geese', which flies"):
+        commands.perform(scene.world, [UseProgram(aloft.name, aloft.source.decode())])
+    commands.perform(scene.world, [UseProgram("other", aloft.source.decode())])  # nobody follows it
 
 
 # commands ------------------------------------------------------------------------------
