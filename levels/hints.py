@@ -114,7 +114,7 @@ def level_hints(level, places):
 
 
 def program_hints(level, places):
-    """Warn about triggers of programs that never fire because they name a place that is not in the level.
+    """Warn about programs: triggers that never fire for want of a place, and commands that change nobody for them.
 
     Parameters
     ----------
@@ -134,6 +134,20 @@ def program_hints(level, places):
                         f"program {spawn.program!r} names the {what} {name[:60]!r}, which is not in this level: its "
                         f"triggers do not fire{did_you_mean(name, names)}"
                     )
+
+
+    for key in level.script:
+        meant = [spawn for spawn in level.spawns if key.args.get("species", "") in ("", spawn.species)]
+        if key.command == "SwitchBrush" and meant and all(_chooses(level.programs.get(s.program)) for s in meant):
+            places[key.id].warn(
+                "SwitchBrush changes no animal: all follow programs whose states choose their brushes; use SetState, "
+                "GiveProgram or Event"
+            )
+
+
+def _chooses(program):
+    """Whether every state of a program has a brush, which wins over that of the animal."""
+    return program is not None and all(state.brush for state in program.states.values())
 
 
 def _unlinked(level):

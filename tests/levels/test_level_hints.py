@@ -62,6 +62,14 @@ class TestPrograms:
         assert "program 'lake-goose' names the place 'lake', which is not in this level" in found[0]
         assert found[0].endswith("its triggers do not fire; did you mean 'lakes'?")
 
+    def test_a_change_of_brush_that_programs_hide_is_told(self):
+        key = thing(4, "Key", 20, 20, extra={"point": True}, at=1.0, command="SwitchBrush", brush="march")
+        for program, number in (("", 0), ("merino", 1)):
+            document = level(objects("spawns", herd(species="sheep", program=program, count=3)), objects("script", key))
+            files = {"small.tmj": json.dumps(document, indent=1).encode()}
+            found = [str(warning) for warning in read_level_files(files, library=shipped()).warnings]
+            assert len([one for one in found if "SwitchBrush changes no animal" in one]) == number
+
     def test_one_that_is_there_is_not(self):
         assert self.geese("lake") == []
 

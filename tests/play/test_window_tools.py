@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.program import shipped_programs
 from flockbrush.components.agent import Alarm, Species
 from flockbrush.levels.reader import read_level
+from flockbrush.systems.edits import UseBrush
 from flockbrush.systems.population import SpeciesList
+from flockbrush.systems.program_commands import GiveProgram, UseProgram
 
 from flockbrush.studio.tools import TOOLS
 
@@ -47,6 +50,20 @@ def test_a_speed_limit_is_painted_and_erased(window):
     window.key("e")
     window.drag((4, 13), (8, 13))
     assert window.cap((6, 13)) == np.inf
+
+
+def test_whom_paint_does_not_bind_is_told_once(window):
+    window.drag((4, 13), (8, 13))
+    assert window.said("info") == []
+    source = shipped_programs().get("merino").source.decode()
+    brushes = [UseBrush(name, shipped().get(name).source.decode()) for name in shipped_programs().get("merino").brushes]
+    window.do("program", [*brushes, UseProgram("merino", source), GiveProgram("merino")])
+    window.frames(3)
+    window.drag((4, 15), (8, 15))
+    window.drag((4, 16), (8, 16))
+    animals = len(window.session.simulation.agents)
+    told = f"Paint does not bind {animals} animals: the states of their program choose their brushes."
+    assert [text for text in window.said("info") if text.startswith("Paint")] == [told]
 
 
 def test_a_surface_is_painted(window):

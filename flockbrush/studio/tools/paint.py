@@ -65,6 +65,15 @@ class PaintBrushTool(Painting):
     tip = "Paint a brush on the ground: animals there follow it"
     hint = "Drag over the ground: animals there follow the selected brush."
     layer = palette = "brush"
+    told = False  # whom paint does not bind
+
+    def end(self):
+        from flockbrush.components import ProgramState
+
+        held = int((self.app.session.simulation.world.agents[ProgramState.brush] >= 0).sum())
+        if held and not self.told:
+            self.told = True
+            self.app.notify(f"Paint does not bind {held} animals: the states of their program choose their brushes.")
 
     def needed(self):
         return self.app.brush_needed(self.app.brush)
