@@ -167,8 +167,8 @@ EDGE = Property(
 )
 ZONE: tuple[Property, ...] = (
     Property("brush", "brush", "", BRUSH),
-    Property("max_speed", "number", 0.0, "speed cap; 0: no cap", "m/s", low=0, high=1000),
-    Property("factor", "number", 1.0, "speed factor", low=0.01, high=10),
+    Property("max_speed", "number", 0.0, "speed cap of all animals inside; 0: no cap", "m/s", low=0, high=1000),
+    Property("factor", "number", 1.0, "speed factor of all animals on the ground inside", low=0.01, high=10),
     Property("blend", "number", 0.5, "time over which animals blend into the brush", "s", low=0, high=3600),
     Property("event", "text", "", "event raised for programs when an animal enters"),
     Property(

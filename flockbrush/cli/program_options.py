@@ -50,9 +50,7 @@ def program_test(
     ] = 100,
     seconds: Annotated[float, typer.Option(min=0, max=3600, metavar="S", help="Duration, simulated seconds.")] = 60.0,
     seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, metavar="K", help="Random seed.")] = 0,
-    species: Annotated[
-        str, typer.Option(metavar="NAME", help="Species of the animals; default: sheep, if able.")
-    ] = "",
+    species: Annotated[str, typer.Option(metavar="NAME", help="Species of the animals; default: sheep, if able.")] = "",
     intruder: Annotated[
         str,
         typer.Option(

@@ -1,4 +1,4 @@
-"""A clip and simulated herds in nine measures of moments, each with the limits within which they are alike.
+"""A clip and simulated herds in ten measures of moments, each with the limits within which they are alike.
 
 Positions half a second apart, or more where animals are slow, say how fast an animal goes and how much it turns, in a
 clip and in a run alike; runs are seen with the noise of the clip's sightings.  The beginning of a run is the clip's,
@@ -62,6 +62,7 @@ MEASURES = {
         BatteryMeasure("milling", "", 0.10, lasting=0.3),
         BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.06, lasting_share=0.25),
         BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.15),
+        BatteryMeasure("changes of speed", "BL/s²", 0.05, 0.25),
         BatteryMeasure("turning", "rad/s", 0.06, 0.25),
         BatteryMeasure("spread", "BL", 0.1, 0.10, lasting=0.4, lasting_share=0.45),
         BatteryMeasure("growth", "1/s", 0.05),
@@ -80,6 +81,7 @@ class ClipMoment:
     xy: np.ndarray  # (n, 2) BL
     heading: np.ndarray  # (n, 2) unit vectors, zero unknown
     velocity: np.ndarray  # (n, 2) BL/s over a span; NaN unknown
+    change: np.ndarray  # (n,) BL/s², of speed from the span before to this one, without sign; NaN unknown
     turn: np.ndarray  # (n,) rad/s over a span; NaN unknown
     weight: np.ndarray  # (n,) animals
     trust: np.ndarray  # (n,) how much the distances to its neighbours count
@@ -96,20 +98,30 @@ def _looks(first, xy, heading, who, fps, every, span, single=True, velocity=None
     for t in range(0, len(first) - 1 - step, every) if single else range(0, len(first) - 1, every):
         rows = slice(first[t], first[t + 1])
         n = first[t + 1] - first[t]
-        speed, turn = np.full((n, 2), np.nan), np.full(n, np.nan)
+        speed, change, turn = np.full((n, 2), np.nan), np.full(n, np.nan), np.full(n, np.nan)
         if single:
             later = slice(first[t + step], first[t + step + 1])
-            mine, theirs = same_animals(who[rows], who[later])
-            named = who[rows][mine] >= 0
-            mine, theirs = mine[named], theirs[named]
+            mine, theirs = _paired(who[rows], who[later])
             speed[mine] = (xy[later][theirs] - xy[rows][mine]) * (fps / step)
+            if t >= step:
+                before = slice(first[t - step], first[t - step + 1])
+                now, earlier = _paired(who[rows], who[before])
+                was = np.hypot(*(xy[rows][now] - xy[before][earlier]).T) * (fps / step)
+                change[now] = np.abs(np.hypot(*speed[now].T) - was) * (fps / step)
             turned = angle[later][theirs] - angle[rows][mine]
             turn[mine] = np.abs((turned + np.pi) % (2 * np.pi) - np.pi) * (fps / step)
         else:
             speed = velocity[rows]
         weight, trusted = (np.ones(n) if values is None else values[rows] for values in counts)
-        found.append(ClipMoment(xy[rows], heading[rows], speed, turn, weight, trusted))
+        found.append(ClipMoment(xy[rows], heading[rows], speed, change, turn, weight, trusted))
     return found
+
+
+def _paired(who, others):
+    """Where those are that are named in both of two lists of animals."""
+    mine, theirs = same_animals(who, others)
+    named = who[mine] >= 0
+    return mine[named], theirs[named]
 
 
 def same_animals(who, later) -> tuple[np.ndarray, np.ndarray]:
@@ -209,6 +221,7 @@ def rows_of(look: ClipMoment, yard: Yard) -> dict[str, np.ndarray]:
         "milling": np.array([abs(of_known @ round_and_round) if heads.any() else np.nan]),
         "nearest neighbour": _nearest(look) if some and yard.single else np.full(len(NEAREST_QUANTILES), np.nan),
         "speeds": _quantiles(speed[known], SPEED_QUANTILES, share[known]),
+        "changes of speed": _quantiles(look.change[np.isfinite(look.change)], TURN_QUANTILES),
         "turning": _quantiles(turn, TURN_QUANTILES),
         "spread": np.array([_spread(look) if some else np.nan]),
         "correlation length": _correlation(look, known, yard.rings),

@@ -44,10 +44,10 @@ def chosen(selection: Selection, moment, words) -> np.ndarray:
     for name in ("species", "brush", "state"):
         value = getattr(selection, name)
         if value:
-            known = words.get(name, [])
+            known = words[name]
             if value not in known:
                 raise ValueError(f"there is no {name} {value!r} in this run{did_you_mean(value, known)}")
-            fits &= codes[name] == list(known).index(value)
+            fits &= codes[name] == known.index(value)
     if selection.ids:
         fits &= np.isin(moment.ids, selection.ids)
     if selection.box is not None:

@@ -209,7 +209,7 @@ class EditsPanel(ScrollPanel):
         self._label(f"{count or 'No'} animal{'s' * (count != 1)} selected", y, "@heading")
         words = words_of(self.app.session.simulation)
         offered = [CHOOSE, EVERYBODY] + [f"{column} {name}" for column in ("species", "brush", "state")
-                                         for name in words.get(column, ())]  # fmt: skip
+                                         for name in words[column] if name]  # fmt: skip
         place = pygame.Rect(0, y + self.px(28), self.inner, self.px(28))
         self.selecting = self._part(UIDropDownMenu(offered, CHOOSE, place, self.manager, container=self.scroll))
         return y + self.px(64)

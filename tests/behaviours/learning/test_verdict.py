@@ -11,7 +11,7 @@ from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning import verdict
 from flockbrush.learning.battery import MEASURES, Battery, BatteryRow
 from flockbrush.learning.simulate import simulated
-from flockbrush.learning.verdict import IDLE, ONWARDS, STILL, Contender, combined, concluded, idle, judge
+from flockbrush.learning.verdict import IDLE, ONWARDS, STILL, Contender, after_long, combined, concluded, idle, judge
 
 BRUSH = "swarm"
 
@@ -58,6 +58,38 @@ def test_who_stands_and_who_goes_on_are_seen_as_that(clip):
     assert stand["share standing"] == pytest.approx(1.0) and np.all(stand["speeds"] == 0.0)
     assert np.all(on["turning"] < 1e-6) and on["growth"] > battery.values["growth"]
     assert np.median(on["speeds"]) > np.median(battery.values["speeds"])  # nobody stands in the way
+
+
+def test_changes_of_speed_are_those_of_steady_acceleration(clip):
+    battery = Battery.of(clip)
+    run = idle(clip, 0, True)
+    forward, n = run.forward[: len(run.ids) // len(run)], len(run.ids) // len(run)
+    faster = run.times[:, None] ** 2 * (0.4 if n else 0.0)  # m: half of .8 BL/s²
+    gained = (faster[:, :, None] * forward[None]).reshape(-1, 2)
+    still, faster_and_faster = (
+        np.median(battery.measured(replace(run, xy=xy))["changes of speed"]) for xy in (run.xy, run.xy + gained)
+    )
+    assert still == pytest.approx(0.0, abs=1e-6)
+    assert faster_and_faster == pytest.approx(0.8, rel=1e-6)
+
+
+def test_uneven_speeds_are_told(clip):
+    brush = shipped().get(BRUSH)
+    uneven = brush.model_copy(update={"speed": brush.speed.model_copy(update={"deviation": 0.8 * brush.speed.mean})})
+    battery = Battery.of(clip)
+    rows = {row.name: row for row in battery.compared([battery.measured(simulated(clip, uneven, s)) for s in (1, 2)])}
+    assert not rows["changes of speed"].met
+
+
+def test_a_herd_that_spreads_in_the_clip_may_go_on_spreading(clip):
+    battery, grown = Battery.of(clip), []
+    row = BatteryRow("spread", *battery.values["spread"], 0.0, 0.0, 0.1)
+    for growth in (0.0, 0.05):
+        series = replace(battery.series, growth=growth)
+        ends = [replace(series, rows={**series.rows, "spread": series.rows["spread"] * times}) for times in (0.3, 2.6)]
+        there = replace(battery, series=series, values=battery.values | {"growth": np.array([growth])})
+        grown.append([after_long(there, [row], [end])[0].met for end in ends])
+    assert grown == [[False, False], [False, True]]  # exp(.05 / s * 20 s) is 2.7
 
 
 def test_what_runs_do_alike_is_no_difference(clip):
