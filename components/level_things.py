@@ -112,6 +112,9 @@ class Exit:
     polygon: np.ndarray  # (k, 2) m
 
 
+GROUNDED = 1e-6  # m; what begins lower stands on the ground: heights that are moved are rounded
+
+
 @dataclass
 class Obstacle:
     """What animals walk around: it stops bodies, sight, or both."""
@@ -130,7 +133,7 @@ class Obstacle:
     @property
     def on_the_ground(self):
         """Whether animals on the ground meet it; they pass below what begins higher."""
-        return self.z_min <= 0.0
+        return self.z_min <= GROUNDED
 
 
 BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
@@ -224,3 +227,17 @@ class Spawn:
         "int", 0, "number of animals in a family; 0: no families; families need a rate of 0", low=0, high=10_000
     )
     since: float = 0.0  # s, when it was drawn: its start counts from there
+
+
+def as_before(before, now):
+    """The things there are now, as the objects that they were before: others may hold on to these."""
+    known: dict[tuple, list] = {}
+    for thing in before:
+        known.setdefault((thing.id, thing.name), []).append(thing)
+    same = []
+    for thing in now:
+        waiting = known.get((thing.id, thing.name))
+        kept = waiting.pop(0) if waiting else thing
+        vars(kept).update(vars(thing))
+        same.append(kept)
+    return same

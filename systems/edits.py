@@ -343,6 +343,8 @@ class RemoveThing(OfThing):
         return None if index is None else box_of(_things(world, self.kind, self.id)[index].polygon)
 
     def touches(self, world):
+        if self.kind == "obstacle":
+            return RemoveObstacle(self.name, self.id, self.there(world)).touches(world)
         if self.kind != "goal":
             return super().touches(world)
         rows, alone = np.arange(len(world.agents)), len(world.resource(Landscape).goals) == 1
@@ -352,7 +354,7 @@ class RemoveThing(OfThing):
     def apply(self, world):
         land, nursery, index = world.resource(Landscape), world.resource(Nursery), self.there(world)
         if self.kind == "obstacle":
-            RemoveObstacle(id=self.id).apply(world)
+            RemoveObstacle(self.name, self.id, index).apply(world)
             return
         del _things(world, self.kind, self.id)[index]
         if self.kind == "spawn":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 
@@ -28,6 +30,24 @@ def _runs(lines):
     """(line, first, after last) of every run of true, three arrays: line by line."""
     line, place = np.nonzero(np.diff(np.pad(lines.astype(np.int8), ((0, 0), (1, 1)))))
     return line[::2], place[::2], place[1::2]
+
+
+def solid_images(obstacles, wrap):
+    """Those that are solid, with their copies on the other sides of a periodic map (width, height) that reach into it.
+
+    None is a map without a seam.
+    """
+    solid = [obstacle for obstacle in obstacles if obstacle.solid]
+    if wrap is None:
+        return solid
+    images = []
+    for obstacle in solid:
+        low, high = obstacle.polygon.min(0) - obstacle.margin, obstacle.polygon.max(0) + obstacle.margin
+        for way in ((0, 0), *((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)):
+            by = np.array(way) * wrap
+            if way == (0, 0) or ((low + by < wrap) & (high + by > 0)).all():
+                images.append(replace(obstacle, polygon=obstacle.polygon + by))
+    return images
 
 
 def across_seam(edges, owner, wrap, reach):

@@ -9,12 +9,12 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from flockbrush.components.level_things import ENUMS, Exit, Goal, Guide, Obstacle
+from flockbrush.components.level_things import ENUMS, Exit, Goal, Guide, Obstacle, as_before
 from flockbrush.engine.raster import bilinear_
 from flockbrush.engine.solids import Solids
 from flockbrush.systems.binding import Sheets
 from flockbrush.systems.fauna import STEEPEST
-from flockbrush.systems.ground_edges import across_seam, outline_edges
+from flockbrush.systems.ground_edges import across_seam, outline_edges, solid_images
 from flockbrush.systems.ground_height import Heights, Hills, heights_of_ground
 from flockbrush.systems.marks import BRUSHES_OWN, Above, MapMarks
 from flockbrush.systems.navigation import Navigation, navigation_of
@@ -158,8 +158,8 @@ class Landscape:
 
     @property
     def solids(self):
-        """Polygons (k, 2) m of the obstacles that keep bodies out."""
-        return [b.polygon for b in self.barriers if b.solid]
+        """Polygons (k, 2) m of the obstacles that keep bodies out, with those that reach over the seam."""
+        return [image.polygon for image in solid_images(self.barriers, self.wrap)]
 
     # in the air -----------------------------------------------------------------
 
@@ -329,7 +329,7 @@ class Landscape:
             self.navigate()
 
     def _blocked(self, barriers, walkable):
-        return compose_blocked(self.brush.shape, self.cell, walkable, [b for b in barriers if b.solid])
+        return compose_blocked(self.brush.shape, self.cell, walkable, solid_images(barriers, self.wrap))
 
     def navigate(self):
         """Make the navigation field anew, after guides or goals have changed."""
@@ -464,9 +464,9 @@ class Landscape:
         self.reach = head["reach"]
         things = {name: [kind(**_arrays(thing)) for thing in head[name]] for name, kind in _THINGS.items()}
         lists = [iter(things.pop(name)) for name in ("barriers", "overhead")]
-        self.obstacles = [next(lists[aloft]) for aloft in head["aloft"]] if "aloft" in head else list(chain(*lists))
-        for name, entries in things.items():
-            setattr(self, name, entries)
+        obstacles = [next(lists[aloft]) for aloft in head["aloft"]] if "aloft" in head else list(chain(*lists))
+        for name, entries in {"obstacles": obstacles, **things}.items():
+            setattr(self, name, as_before(getattr(self, name), entries))
         self.glides = [Glide(name, np.array(by), left) for name, by, left in head["glides"]]
         if edges_before != (self.reach, [_plain(b) for b in self.barriers], self.painted.ground.tobytes()):
             self.rebuild(navigation=False)

@@ -11,9 +11,10 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.solids import polyhedron
+from flockbrush.systems.ground_edges import solid_images
 from flockbrush.systems.landscape import SHAPES, Glide, Landscape
 from flockbrush.systems.level_lists import KINDS, ThingKind, TouchedThings
-from flockbrush.systems.room import make_room
+from flockbrush.systems.room import in_the_air, make_room
 from flockbrush.systems.spawning import inside_polygon, touching
 from flockbrush.systems.undo import need
 
@@ -105,7 +106,7 @@ class AddObstacle:
         land.rebuild(navigation=False)
         try:
             if self.solid and barrier.on_the_ground:
-                evict(world, barrier.polygon)
+                evict(world, barrier)
         except ValueError:
             things[:] = before
             land.rebuild(navigation=False)
@@ -177,7 +178,12 @@ class RemoveObstacle:
         return around(*(box_of(things[k].polygon) for k in self.gone(world)))
 
     def touches(self, world):
-        return [TouchedThings("obstacle")]
+        land, gone = world.resource(Landscape), self.gone(world)
+        names = {land.obstacles[k].name for k in gone}
+        gliding = {glide.name for glide in land.glides} & names - {
+            b.name for k, b in enumerate(land.obstacles) if k not in gone
+        }
+        return [TouchedThings("obstacle"), *map(TouchedStand, sorted(gliding))]
 
     def apply(self, world):
         land, gone = world.resource(Landscape), self.gone(world)
@@ -287,7 +293,7 @@ class StandObstacle:
         try:
             for b in barriers:
                 if b.solid and b.on_the_ground:
-                    evict(world, b.polygon)
+                    evict(world, b)
         except ValueError:
             for b, (points, low, high) in zip(barriers, before, strict=True):
                 b.polygon, b.z_min, b.z_max = points, low, high
@@ -310,7 +316,7 @@ def advance(world, land, glide, clock):
     try:
         for b in barriers:
             if b.solid and b.on_the_ground:
-                evict(world, b.polygon)
+                evict(world, b)
     except ValueError:  # somebody stands there who has no room to step aside: wait
         for b in barriers:
             land.shift(b, -step)
@@ -323,7 +329,7 @@ def advance(world, land, glide, clock):
         land.navigate_later(clock.tick)
 
 
-def evict(world, polygon):
+def evict(world, obstacle):
     """Move animals whose bodies touch a new obstacle to the nearest free place.
 
     Raises
@@ -331,11 +337,14 @@ def evict(world, polygon):
     ValueError
         When there is none nearby.  Nobody has moved then.
     """
-    agents = world.agents
-    xyz = agents[Position.xyz]
-    edges = np.hstack([polygon, np.roll(polygon, -1, axis=0)])
-    touched = touching(xyz, agents[Heading.forward], agents[Body.axis], agents[Body.radius], edges)
-    make_room(world, inside_polygon(xyz, polygon) | touched)
+    agents, wrap = world.agents, world.resource(Landscape).wrap
+    xyz, polygons = agents[Position.xyz], [image.polygon for image in solid_images([obstacle], wrap)]
+    trapped = np.zeros(len(agents), bool)
+    for corners in polygons:
+        edges = np.hstack([corners, np.roll(corners, -1, axis=0)])
+        trapped |= touching(xyz, agents[Heading.forward], agents[Body.axis], agents[Body.radius], edges)
+        trapped |= inside_polygon(xyz, corners)
+    make_room(world, trapped & ~in_the_air(world))
 
 
 def _is_number(value):

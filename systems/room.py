@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.components import Body, Heading, Position
+from flockbrush.components import Body, BrushBinding, Heading, Position
 from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import bodies_of, ground_for, inset
 from flockbrush.systems.spawning import Capsules, inside_polygon, nearest_free, overlaps_, touching
 from numba import njit
@@ -12,8 +13,13 @@ from numba import njit
 PRESSED = 1e-6  # m that bodies may overlap by rounding
 
 
+def in_the_air(world):
+    """(n,) bool: animals whose brush moves them through the air; they are no bodies on the ground."""
+    return world.resource(Palette).flies_free[world.agents[BrushBinding.brush]]
+
+
 def make_room(world, trapped):
-    """Move these animals, (n,) bool, to the nearest free place.
+    """Move these animals, (n,) bool, to the nearest place that is free of walls and of bodies on the ground.
 
     Raises
     ------
@@ -27,7 +33,7 @@ def make_room(world, trapped):
     bodies = [np.ascontiguousarray(c) for c in (*agents[Position.xyz][:, :2].T, *agents[Heading.forward][:, :2].T)]
     x, y, fx, fy = bodies
     find = _finder(world, 2.0 * float((half + radius).max()))
-    stands = ~trapped
+    stands = ~trapped & ~in_the_air(world)
     for row in np.flatnonzero(trapped):
         others = Capsules(*(np.ascontiguousarray(c[stands]) for c in (x, y, fx, fy, half, radius)))
         found, x[row], y[row] = find(x[row], y[row], fx[row], fy[row], half[row], radius[row], others)

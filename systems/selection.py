@@ -6,6 +6,7 @@ import numpy as np
 from flockbrush.components import Position, Species
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import can_do, cannot, cannot_follow
+from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.programs import Programs
@@ -91,7 +92,10 @@ def selected(world, x, y, radius, species):
     xyz = world.agents[Position.xyz]
     chosen = np.ones(len(xyz), bool)
     if radius > 0:
-        chosen &= (xyz[:, 0] - x) ** 2 + (xyz[:, 1] - y) ** 2 <= radius**2
+        away, wrap = xyz[:, :2] - (x, y), world.resource(Landscape).wrap
+        if wrap is not None:
+            away -= np.round(away / wrap) * wrap
+        chosen &= (away**2).sum(1) <= radius**2
     if species:
         check_species(world, species)
         chosen &= world.agents[Species.index] == world.resource(SpeciesList).names.index(species)

@@ -57,8 +57,8 @@ def _stood_up(barrier, land):
     polygon, ground = barrier.polygon, land.ground(barrier.polygon.mean(0))
     low, high = barrier.z_min + ground, barrier.z_max + ground
     if barrier.shape == "plane":  # below it when it lies on the ground, above it when it is a ceiling
-        point = np.array([*polygon.mean(0), low if barrier.z_min > 0 else high])
-        return [half_space(point, (0, 0, -1) if barrier.z_min > 0 else (0, 0, 1), barrier.blocks_view)]
+        point = np.array([*polygon.mean(0), high if barrier.on_the_ground else low])
+        return [half_space(point, (0, 0, 1) if barrier.on_the_ground else (0, 0, -1), barrier.blocks_view)]
     if barrier.shape == "hull":
         return [polyhedron(barrier.corners + np.array([*polygon.mean(0), low]), barrier.blocks_view)]
     middle, away = np.array([*polygon.mean(0), 0.5 * (low + high)]), polygon - polygon.mean(0)

@@ -29,6 +29,7 @@ from flockbrush.levels.libraries import brush_library, recorded_library
 from flockbrush.levels.reader import read_level, read_level_files
 from flockbrush.runs.builds import build_of_run
 
+OF_PROGRAMS = ("Event", "SetState", "GiveProgram")  # commands that only animals with a program obey
 SHIPPED = Path(levels.__path__[0]) / "shipped"
 KEYFRAME_SECONDS = 10  # s; going to any moment of a recording lives at most so much again,
 KEYFRAME_STEPS = 800_000  # and where there are many animals at most so many ticks times animals: a second or two,
@@ -102,6 +103,8 @@ def start(
 def _with_brush(level, library, brush):
     """(level, library) with the brush of every spawn in the level's file replaced, and none following a program.
 
+    Keys of the script that only programs obey are left out.
+
     A recording embeds the file.
     """
     path = Path(brush)
@@ -111,6 +114,7 @@ def _with_brush(level, library, brush):
     built.close()
     name = next(iter(files))
     spawns, document = {spawn.id for spawn in level.spawns}, parsed_document(files[name])
+    _drop_keys_of_programs(document)
     for thing in _objects(document):
         if thing["id"] in spawns:
             others = [entry for entry in thing.get("properties", []) if entry["name"] not in ("brush", "program")]
@@ -119,6 +123,17 @@ def _with_brush(level, library, brush):
     files[f"brushes/{asset.name}{SUFFIX}"] = asset.source
     library = recorded_library(files)
     return read_level_files(files, library), library
+
+
+def _drop_keys_of_programs(layer):
+    """Leave out keys whose commands only animals with a program obey."""
+    if "objects" in layer:
+        layer["objects"] = [
+            thing for thing in layer["objects"]
+            if not any(p["name"] == "command" and p["value"] in OF_PROGRAMS for p in thing.get("properties", []))
+        ]  # fmt: skip
+    for inner in layer.get("layers", []):
+        _drop_keys_of_programs(inner)
 
 
 def _objects(layer):

@@ -6,10 +6,13 @@ from edited_scene import do, land_of, scene, settled
 from flockbrush.components import Position
 from flockbrush.engine.commands import CommandError
 from flockbrush.engine.state import restore, snapshot, state_hash
-from flockbrush.systems.commands import AddObstacle, MoveObstacle
+from flockbrush.systems.commands import AddObstacle, MoveObstacle, RemoveAnimals
 from flockbrush.systems.edits import RemoveThing
 from flockbrush.systems.landscape import PATIENCE
-from small_herd import box
+from flockbrush.systems.room import in_the_air
+from small_herd import box, put
+
+import flockbrush
 
 GATE = box(28, 0, 29, 40).tolist()  # across the whole map
 MIDDLE = 28.5, 20.0
@@ -113,3 +116,75 @@ def test_an_obstacle_cannot_be_sent_off_the_map():
     with pytest.raises(CommandError, match="not on the map, which is 40 x 40 m"):
         do(simulation, MoveObstacle("gate", -50.0, 15.0))
     assert bars(simulation)
+
+
+@pytest.mark.parametrize(("rise", "seconds"), [(2.0, 1.5), (3.0, 5.0), (1.1, 1.0)])
+def test_a_gate_that_goes_up_and_down_again_is_closed(rise, seconds):
+    simulation = with_gate(0.0)
+    for way in (rise, -rise):
+        do(simulation, MoveObstacle("gate", *MIDDLE, rise=way, seconds=seconds))
+        simulation.run(round(32 * seconds) + 2)
+    assert bars(simulation)
+
+
+def test_birds_in_the_air_do_not_step_aside_from_what_is_put_below_them():
+    lake = flockbrush.start("lake", agents=20)
+    lake.run(64)
+    agents, z = lake.agents, lake.agents[Position.xyz][:, 2]
+    row = int(np.argmax(z))
+    before = agents[Position.xyz].copy()
+    x, y = before[row, :2]
+    do(lake, AddObstacle("barn", box(x - 5, y - 5, x + 5, y + 5).tolist(), z_max=3.0))
+    aloft = in_the_air(lake.world)
+    assert z[row] > 10 and aloft[row]
+    assert np.array_equal(agents[Position.xyz][aloft], before[aloft])
+
+
+def test_what_is_on_its_way_goes_on_when_its_removal_is_undone():
+    simulation = with_gate(0.0)
+    do(simulation, MoveObstacle("gate", 34.0, 20.0, seconds=2.0))
+    simulation.run(32)
+    back = do(simulation, RemoveThing("obstacle", 90))
+    simulation.run(8)
+    assert land_of(simulation).glides == []
+    do(simulation, *back)
+    simulation.run(40)
+    assert land_of(simulation).find("gate")[0].polygon.mean(0) == pytest.approx((34.0, 20.0))
+
+
+def test_a_thing_of_no_file_is_removed_by_its_name():
+    simulation = scene()
+    for name in ("one", "other"):
+        do(simulation, AddObstacle(name, box(2, 2, 3, 3).tolist()))
+    do(simulation, RemoveThing("obstacle", 0, "other"))
+    assert [o.name for o in land_of(simulation).obstacles] == ["barn", "one"]
+
+
+def test_circles_reach_over_the_seam_of_a_periodic_map():
+    simulation = scene(boundary="wrap")
+    put(simulation, [(1.0, 20.0), (39.5, 20.0), (20.0, 20.0)], 0.0, brush="calm", species="goat")
+    before = len(simulation.agents)
+    do(simulation, RemoveAnimals(39.0, 20.0, 3.0))
+    simulation.run(1)
+    assert len(simulation.agents) == before - 2
+
+
+def test_an_obstacle_over_the_seam_of_a_periodic_map_is_there_on_both_sides():
+    simulation = scene(boundary="wrap")
+    put(simulation, [(1.0, 20.0), (38.0, 20.0)], 0.0, brush="calm", species="goat")
+    do(simulation, AddObstacle("cart", box(37, 18, 42, 22).tolist()))  # of 40 m
+    land, xy = land_of(simulation), simulation.agents[Position.xyz][:, :2]
+    inside = ((xy[:, 0] > 37) | (xy[:, 0] < 2)) & (abs(xy[:, 1] - 20) < 2)
+    assert not inside.any()
+    assert land.blocked[int(20 / land.cell), [0, int(1.5 / land.cell), int(38 / land.cell)]].all()
+    assert not land.blocked[int(20 / land.cell), int(3.5 / land.cell)]
+
+
+def test_a_snapshot_that_is_put_back_leaves_obstacles_the_same_objects():
+    simulation = with_gate(0.0)
+    kept, before = snapshot(simulation.world), list(land_of(simulation).obstacles)
+    do(simulation, MoveObstacle("gate", 20.0, 20.0, rise=1.0))
+    simulation.run(2)
+    restore(simulation.world, kept)
+    assert all(now is then for now, then in zip(land_of(simulation).obstacles, before, strict=True))
+    assert land_of(simulation).find("gate")[0].polygon.mean(0) == pytest.approx(MIDDLE)
