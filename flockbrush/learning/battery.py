@@ -33,7 +33,7 @@ SHORTEST = 0.8  # s of a clip that can be judged
 LOOKS = 36  # moments of a clip that are looked at
 SETTLED = 1 / 3  # of the time, that is left out at the beginning
 BLOCKS, RESAMPLED = 5, 200  # of the bootstrap
-DEVIATIONS = 3.0  # of clip and runs together, within which herds are alike: any of a dozen may be off by chance
+DEVIATIONS = 3.3  # of clip and runs together, within which herds are alike: any of a dozen may be off by chance
 STANDS, SLOWEST = 0.15, 0.05  # of the clip's fast animals; BL/s: slower animals stand
 FARTHER = 2.0  # of the share of animals that a film loses, by which nearest neighbours seem farther away, about
 WAVERS = 0.7  # of the value of as many independent animals: the fluctuation of the order of a herd without any
@@ -63,7 +63,7 @@ MEASURES = {
         BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, lasting=0.06, lasting_share=0.25),
         BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.15),
         BatteryMeasure("changes of speed", "BL/s²", 0.05, 0.25),
-        BatteryMeasure("turning", "rad/s", 0.06, 0.25),
+        BatteryMeasure("turning", "rad/s", 0.06, 0.30),
         BatteryMeasure("spread", "BL", 0.1, 0.10, lasting=0.4, lasting_share=0.45),
         BatteryMeasure("growth", "1/s", 0.05),
         BatteryMeasure("correlation length", "BL", 0.5, 0.5),
