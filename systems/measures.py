@@ -12,6 +12,7 @@ References
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -181,10 +182,15 @@ class HerdMoment(NamedTuple):
     xyz: np.ndarray  # (n, 3) m
     xy: np.ndarray  # (n, 2) m, of a herd across the edge of a wrapped map in one piece
     velocity: np.ndarray  # (n, 3) m/s
-    forward: np.ndarray  # (n, 3) unit headings
+    forward: np.ndarray  # (n, 3) unit headings; zero: unknown, as of a tracked animal that never moved
     body_length: float  # m, mean
     wrap: tuple[float, float] | None  # m, width and height of a wrapped map
     flies: bool = False  # somebody is in the air: distances are three-dimensional
+
+    @property
+    def headed(self):
+        """(n,) bool: whose heading is known."""
+        return self.forward.any(1)
 
     @property
     def places(self):
@@ -205,11 +211,18 @@ class Measure:
     plotted: bool = False
     title: str = ""  # in plots
 
-    @property
-    def axis(self) -> str:
-        """What an axis of plots says: the measure spelled out, and its unit."""
+    def unit_in(self, length: str) -> str:
+        """Its unit where lengths are in another one than metres, as "body lengths"."""
+        return (
+            self.unit
+            if length == "m"
+            else re.sub(r"\bm(?=\b|²)", "BL" if length == "body lengths" else length, self.unit)
+        )
+
+    def axis(self, length: str = "m") -> str:
+        """What an axis of plots says: the measure spelled out, and its unit, lengths being in this one."""
         words = self.title or self.name.replace("_", " ")
-        return f"{words}, {self.unit}" if self.unit else words
+        return f"{words}, {self.unit_in(length)}" if self.unit else words
 
 
 _registry: dict[str, Measure] = {}
@@ -275,7 +288,12 @@ def herd_measures(xyz, velocity, forward, body_length, wrap=None, flies=False):
         Somebody is in the air: distances are measured in space, not in plan.
     """
     herd = HerdMoment(xyz, compute_unwrapped(xyz, wrap), velocity, forward, body_length, wrap, flies)
-    return {name: known.compute(herd) for name, known in measures().items()}
+    return {name: _plain(known.compute(herd)) for name, known in measures().items()}
+
+
+def _plain(value):
+    """A number of numpy as one of Python: files, tables and means take these."""
+    return value.item() if isinstance(value, (np.generic, np.ndarray)) and np.ndim(value) == 0 else value
 
 
 @measure("animals", meaning="number of animals", low=0)
@@ -285,17 +303,18 @@ def _animals(herd):
 
 @measure("polarization", meaning="0: headings in all directions, 1: all the same", low=0, high=1, plotted=True)
 def _polarization(herd):
-    return compute_polarization(herd.forward)
+    return compute_polarization(herd.forward[herd.headed])
 
 
 @measure("milling", meaning="0: no rotation, 1: all rotate about the centroid", low=0, high=1, plotted=True)
 def _milling(herd):
-    return compute_milling(herd.xy, herd.forward)
+    return abs(_rotation(herd))
 
 
 @measure("rotation", meaning="milling with a sign, positive counter-clockwise", low=-1, high=1)
 def _rotation(herd):
-    return compute_rotation(herd.xy, herd.forward)
+    centre = herd.xy.mean(0) if len(herd.xy) else None
+    return compute_rotation(herd.xy[herd.headed], herd.forward[herd.headed], centre)
 
 
 @measure("speed_mean", "m/s", "mean speed", low=0, plotted=True)

@@ -104,6 +104,14 @@ def test_a_levels_brushes_are_overridden_and_recordings_know_it(tmp_path):
     assert state_hash(again.world) == hash
 
 
+@pytest.mark.parametrize(("level", "brush"), [("city", "stroll"), ("lake", "geese"), ("ridge", "graze")])
+def test_a_level_whose_script_commands_programs_takes_another_brush(level, brush):
+    herd = flockbrush.start(level, agents=12, brush=brush)
+    assert not {key.command for key in herd.level.script} & {"Event", "SetState", "GiveProgram"}
+    herd.run(32)
+    assert herd.states() == {}
+
+
 def test_a_file_and_a_wrong_name_as_the_brush_of_a_level(tmp_path):
     (tmp_path / "mine.brush.toml").write_bytes(flockbrush.shipped().get("march").source)
     mine = flockbrush.start("crowded", seed=1, agents=4, brush=tmp_path / "mine.brush.toml")

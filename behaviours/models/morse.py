@@ -59,7 +59,7 @@ class Params(Parameters):
     propulsion: float = quantity(
         0.5, "1/s", "how firmly an animal keeps to its own speed (α); 0: forces only turn it", 0, 100
     )
-    max_turn: float = quantity(10.0, "rad/s", "fastest turn by forces", 0.01, 200)
+    max_turn: float = quantity(10.0, "rad/s", "fastest turn, random turns included", 0.01, 200)
     wander: float = how_far(0.15)
     wander_time: float = how_long()
     guidance_weight: float = quantity(6.0, "body lengths/s²", "force of a guide on animals that follow it", 0, 1000)

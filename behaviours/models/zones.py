@@ -59,7 +59,7 @@ class Params(Parameters):
     blind_angle: float = quantity(
         90.0, "degrees", "angle behind in which others neither orient nor attract it (360° - α)", 0, 360
     )
-    max_turn: float = quantity(0.7, "rad/s", "fastest turn towards the wished direction (θ)", 0.01, 200)
+    max_turn: float = quantity(0.7, "rad/s", "fastest turn, random turns included (θ)", 0.01, 200)
     wander: float = how_far(0.16, " (σ)")
     wander_time: float = how_long()
     guidance_weight: float = quantity(0.5, "1", "weight of a guide against the other animals (ω)", 0, 100)

@@ -206,15 +206,15 @@ def _show_run(report):
     print_line("\n".join(lines))
 
 
-def meaning_of(name: str) -> str:
-    """Meaning of a measure with its unit, for tables on the terminal."""
+def meaning_of(name: str, unit: str = "m") -> str:
+    """Meaning of a measure with its unit, lengths being in another one than metres, for tables on the terminal."""
     from flockbrush.runs.v_measures import MEANINGS
     from flockbrush.systems.measures import measures
 
     known = measures().get(name)
     if known is None:
         return MEANINGS.get(name, "")
-    return known.meaning + (f", {known.unit}" if known.unit else "")
+    return known.meaning + (f", {known.unit_in(unit)}" if known.unit else "")
 
 
 def measures_table(measures, title=None):

@@ -36,19 +36,13 @@ def series_of(run, simulation, every, step=lambda: None):
     dict of str to list
         ``time`` in seconds, then one list for each measure; NaN where it has no meaning.
     """
-    counts, series = Counts(simulation), {}
+    counts, moments = Counts(simulation), []
     gap = max(1, round(every / simulation.clock.dt))
 
     def take():
         formation = v_indicators(simulation)
         formation.pop("shape", None)
-        for name, value in {
-            "time": simulation.clock.now,
-            **simulation.measures(),
-            **counts.values(),
-            **formation,
-        }.items():
-            series.setdefault(name, []).append(value)
+        moments.append({"time": simulation.clock.now, **simulation.measures(), **counts.values(), **formation})
 
     take()
     while simulation.clock.tick < run.last_tick:
@@ -57,7 +51,13 @@ def series_of(run, simulation, every, step=lambda: None):
         if simulation.clock.tick % gap == 0 or simulation.clock.tick == run.last_tick:
             take()
         step()
-    return series
+    return as_series(moments)
+
+
+def as_series(moments):
+    """{measure: its values over time} of one dict for each moment; NaN where a moment does not have the measure."""
+    names = dict.fromkeys(name for moment in moments for name in moment)
+    return {name: [moment.get(name, math.nan) for moment in moments] for name in names}
 
 
 def measure_recording(path, plot, every, thread_count, json):
@@ -106,14 +106,14 @@ def mean_of(values):
     return sum(numbers) / len(numbers) if numbers else math.nan
 
 
-def show_series(title, series, plot=None):
-    """Print measures over time as a table with sparklines."""
+def show_series(title, series, plot=None, unit="m"):
+    """Print measures over time, with lengths in a unit, as a table with sparklines."""
     right = ("start", "mean", "end")
     measures = table("measure", "start", "mean", "end", "over time", "meaning", title=title, right=right)
     for name, values in series.items():
         if name != "time":
             cells = (number(values[0]), number(mean_of(values)), number(values[-1]))
-            measures.add_row(name, *cells, sparkline(values), meaning_of(name))
+            measures.add_row(name, *cells, sparkline(values), meaning_of(name, unit))
     show(measures)
     if plot:
         print_line(f"wrote {plot}")

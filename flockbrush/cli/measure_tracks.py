@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from flockbrush.cli.level_commands import check_plot
-from flockbrush.cli.measure import mean_of, show_series
+from flockbrush.cli.measure import as_series, mean_of, show_series
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.open_clip import Looking, look_at
 from flockbrush.output.run_table import RunTable, read_run_table
@@ -38,31 +38,40 @@ def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
     length = evidence.body_length_px if evidence.length_unit == "m" else 1.0
     last = len(evidence.fields) - 1
     frames = [*range(0, last, max(1, round(every * fps))), last]
-    series: dict[str, list] = {}
+    headed = np.isin(sightings.track, sightings.track[np.isfinite(sightings.turn)])  # others never moved
+    headings, velocities, moments = sightings.forward * headed[:, None], _velocities(sightings, fps), []
     for t in frames:
         rows = sightings.of(t)
         if rows.stop - rows.start < 2:
             continue
-        flat = np.zeros((rows.stop - rows.start, 1))
-        forward = np.hstack([sightings.forward[rows], flat])
-        velocity = forward * np.nan_to_num(sightings.speed[rows])[:, None] * length
-        values = herd_measures(np.hstack([sightings.xy[rows] * length, flat]), velocity, forward, length)
-        for name, value in {"time": t / fps, **values}.items():
-            series.setdefault(name, []).append(value)
-    if not series:
+        xyz, velocity, forward = (
+            np.pad(part[rows], ((0, 0), (0, 1))) for part in (sightings.xy * length, velocities * length, headings)
+        )
+        moments.append({"time": evidence.start + t / fps, **herd_measures(xyz, velocity, forward, length)})
+    if not moments:
         raise CannotObserve(evidence.name, "has no two animals in the same frame, of those that are measured")
-    return series
+    return as_series(moments)
+
+
+def _velocities(sightings, fps):
+    """(m, 2) BL/s: central differences of the paths, one-sided at their ends; 0 for a single sight."""
+    order = np.lexsort((sightings.frame, sightings.track))
+    step = np.diff(sightings.xy[order], axis=0) * fps
+    together = (np.diff(sightings.track[order]) == 0) & (np.diff(sightings.frame[order]) == 1)
+    found, count = np.zeros((len(order), 2)), np.zeros((len(order), 1))
+    for shift in (slice(1, None), slice(None, -1)):
+        found[shift] += np.where(together[:, None], step, 0.0)
+        count[shift, 0] += together
+    out = np.empty_like(found)
+    out[order] = found / np.maximum(count, 1.0)
+    return out
 
 
 def series_of_table(table: RunTable, every: float) -> dict[str, list]:
     """The measures of the table of a run over time, at the times at which `measure` takes those of its recording."""
-    series: dict[str, list] = {}
     last = len(table) - 1
-    for frame in [*range(0, last, max(1, round(every * table.about.fps))), last]:
-        rows = table.rows(frame)
-        for name, value in {"time": float(table.numbers["time"][rows[0]]), **table.measures(rows)}.items():
-            series.setdefault(name, []).append(value)
-    return series
+    frames = [*range(0, last, max(1, round(every * table.about.fps))), last]
+    return as_series([{"time": table.time(frame), **table.measures(table.rows(frame))} for frame in frames])
 
 
 def measure_tracks(path, looking: Looking, plot=None, every=1.0, as_json=False):
@@ -84,7 +93,7 @@ def measure_tracks(path, looking: Looking, plot=None, every=1.0, as_json=False):
     if plot is not None:
         from flockbrush.output.figures import draw_series
 
-        draw_series(plot, series, f"{name}, lengths in {unit}")
+        draw_series(plot, series, f"{name}, lengths in {unit}", unit)
     if as_json:
         numbers = {name: values for name, values in series.items() if name != "time"}
         terminal.print_json(
@@ -98,7 +107,8 @@ def measure_tracks(path, looking: Looking, plot=None, every=1.0, as_json=False):
         return
     for note in about["notes"]:
         terminal.say(f"{path}: {note}")
-    show_series(f"{name}: {len(series['time'])} moments of {series['time'][-1]:g} s, lengths in {unit}", series, plot)
+    seconds = series["time"][-1] - series["time"][0]
+    show_series(f"{name}: {len(series['time'])} moments of {seconds:g} s, lengths in {unit}", series, plot, unit)
 
 
 def _of_tracks(path, looking, every):

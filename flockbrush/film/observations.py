@@ -274,6 +274,7 @@ class Evidence:
     heading_noise: float = 0.0
     # {"px", "m", "bl"}; of ``body_length_px``: pixels of a film, or the unit of a file of tracks
     length_unit: str = "px"
+    start: float = 0.0  # s, time of the first frame
 
     @property
     def from_tracks(self) -> bool:

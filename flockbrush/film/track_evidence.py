@@ -86,7 +86,7 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> E
     evidence = Evidence(
         name=tracks.name, sha256=tracks.sha256, fps=tracks.fps, body_length_px=float(length), length_source="given",
         radius_bl=RADIUS, fields=fields, sightings=sightings, speed=speed, notes=notes,
-        place_noise=motion.place_noise, heading_noise=motion.heading_noise, length_unit=tracks.unit,
+        place_noise=motion.place_noise, heading_noise=motion.heading_noise, length_unit=tracks.unit, start=tracks.start,
     )  # fmt: skip
     return _drawable(evidence)
 
@@ -149,6 +149,7 @@ class _Motion:
     heading_noise: float
     window: float  # s over which speeds are averages
     slow: float  # BL/s, below which directions of motion say nothing
+    headless: np.ndarray  # (P,) bool: no heading was ever observed
 
     @classmethod
     def of(cls, pieces, fps):
@@ -165,7 +166,7 @@ class _Motion:
         window = max(SMOOTHED, 2.0 * paths.stiffness ** (1 / 6) / fps)
         return cls(
             paths.px, velocity, angle, turn, paths.noise, _spread(off),
-            float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window), slow,
+            float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window), slow, ~sure.any(0),
         )  # fmt: skip
 
 
@@ -315,6 +316,11 @@ def _notes(tracks, pieces, motion, length):
             f"headings are directions of motion; below {motion.slow * length:.2g} {tracks.unit}/s, as in "
             f"{slow.mean():.0%} of all sights, an animal keeps its last heading"
         )
+        if motion.headless.any():
+            yield (
+                f"{motion.headless.sum()} tracks are never faster: they have no heading, and do not count in measures "
+                "of headings"
+            )
         if slow.mean() > 0.5:
             yield "most animals stand, or move less than their positions are uncertain: do not trust their headings"
     yield "tracks have no body width: half the width is assumed to be 0.2 body lengths"

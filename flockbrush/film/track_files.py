@@ -46,6 +46,7 @@ class Trajectories:
     name: str = "tracks"
     sha256: str = ""
     notes: tuple[str, ...] = ()
+    start: float = 0.0  # s, time of the first frame
 
     def __post_init__(self):
         shape = np.shape(self.xy)
@@ -70,7 +71,8 @@ class Trajectories:
         """The frames numbered `first` to `last`, both included."""
         rows = (self.frames >= first) & (self.frames <= last)
         heading = None if self.heading is None else self.heading[rows]
-        return replace(self, xy=self.xy[rows], heading=heading, frames=self.frames[rows])
+        start = self.start + float(rows.argmax()) / self.fps
+        return replace(self, xy=self.xy[rows], heading=heading, frames=self.frames[rows], start=start)
 
 
 def is_tracks(path) -> bool:
@@ -155,7 +157,7 @@ def _checked(path, table, unit, scale, fps):
     ids = tuple(str(name) for name, keep in zip(table.ids, enough, strict=True) if keep)
     return Trajectories(
         xy[span], ids, fps / every, unit, None if heading is None else heading[span], np.asarray(table.frames)[span],
-        path.name, _sha256(path), tuple(notes),
+        path.name, _sha256(path), tuple(notes), table.start + rows[0] / fps,
     )  # fmt: skip
 
 

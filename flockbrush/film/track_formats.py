@@ -28,6 +28,7 @@ NAMES = {  # what columns are called, the first that is there is taken
     "time": ("time", "time_s", "seconds", "t", "timestamp"),
 }  # fmt: skip
 _TOLD = 20  # problems of one file that are reported
+LATEST = 1e7  # s: later times are dates, which count from the first frame
 ROUNDED = 0.1  # frames by which times may be off a frame without being interpolated
 
 
@@ -203,7 +204,8 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         frames, places, animal, lines = frames[one], places[one], animal[one], lines[one]
         heading = None if heading is None else heading[one]
     xy, ids, numbers, turned = placed(path, frames, names, animal, places, heading, lines)
-    return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes)
+    start = float(columns["time"][valid].min()) if "time" in columns else 0.0
+    return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes, start if abs(start) < LATEST else 0.0)
 
 
 def _unit_of_name(name):

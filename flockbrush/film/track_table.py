@@ -27,6 +27,7 @@ class TrackTable:
     down: bool | None = None  # whether y points down; as is usual for pixels by default
     heading: np.ndarray | None = None
     notes: list[str] = field(default_factory=list)
+    start: float = 0.0  # s, time of the first frame
 
 
 # rows to places -------------------------------------------------------------------------------

@@ -191,7 +191,7 @@ class Maps(NamedTuple):
         bar.outline.set_visible(False)
 
 
-def draw_series(path, series, title):
+def draw_series(path, series, title, unit="m"):
     """Draw measures over time, one panel each; measures without data are left out.
 
     Parameters
@@ -200,6 +200,8 @@ def draw_series(path, series, title):
         Of one of the `FORMATS`.
     series : dict of str to list
         ``time`` in seconds, and the measures; NaN where there is none.
+    unit : str
+        Of lengths.
     """
     panels: list[ChartPanel] = []
     for name, known in measures().items():
@@ -208,7 +210,7 @@ def draw_series(path, series, title):
         span = None if known.low is None or known.high is None else (known.low, known.high)
         colour = PALETTE[len(panels) % len(PALETTE)]
         curve = ChartCurve("", np.array(series["time"], float), np.array(series[name], float), colour=colour)
-        panels.append(CurveChart(known.axis, "time, s", [curve], span=span, note=known.meaning))
+        panels.append(CurveChart(known.axis(unit), "time, s", [curve], span=span, note=known.meaning))
     write_figure(path, figure_of(panels, title, columns=2))
 
 

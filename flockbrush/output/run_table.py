@@ -18,6 +18,7 @@ from flockbrush.systems.groups import parts_of
 from flockbrush.systems.measures import herd_measures
 
 NUMBERS = "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading"
+PITCH = "pitch"  # not in every table
 WORDS = "species", "brush", "group", "family", "state"  # families and states are not in every table
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -27,6 +28,7 @@ class AboutRun(BaseModel):
 
     table: str = Field(alias="schema", pattern=SCHEMA)
     fps: Positive
+    frames: Annotated[int, Field(ge=1, le=limits.TRACK_FRAMES)] | None = None  # also those without animals
     level: str
     width: float
     height: float
@@ -48,6 +50,10 @@ class RunTable:
     def __len__(self):
         return len(self.first) - 1
 
+    def time(self, frame):
+        """Seconds of a frame."""
+        return float(self.numbers["time"][0] + (frame - self.numbers["frame"][0]) / self.about.fps)
+
     def rows(self, frame):
         """The rows of a frame, which may be counted from the last one."""
         frame %= len(self)
@@ -58,6 +64,8 @@ class RunTable:
         about, (x, y, z, u, v, w, heading) = self.about, (self.numbers[name][rows] for name in NUMBERS[3:])
         aloft, speed = np.isin(self.words["brush"][rows], about.flying), np.sqrt(u * u + v * v + w * w)
         rise = np.where(aloft, w / np.maximum(speed, 1e-9), 0.0)
+        if PITCH in self.numbers:
+            rise = np.sin(self.numbers[PITCH][rows])
         level = np.sqrt(1.0 - rise * rise)
         forward = np.column_stack([level * np.cos(heading), level * np.sin(heading), rise])
         length = [about.body_length.get(name, 1.0) for name in self.words["species"][rows].tolist()] or [1.0]
@@ -120,25 +128,29 @@ def read_run_table(path) -> RunTable | None:
     header: list[str] = next(table, (1, []))[1]
     if not {*NUMBERS, *WORDS[:3]} <= set(header):
         return None
-    at = [header.index(name) for name in NUMBERS]
+    known = (*NUMBERS, PITCH) if PITCH in header else NUMBERS
+    at = [header.index(name) for name in known]
     words = {name: header.index(name) for name in WORDS if name in header}
     values, texts = array("d"), {name: array("q") for name in words}
     codes: dict[str, int] = {}
     for line, row in table:
         if len(row) != len(header):
             raise ProblemsError([Problem(str(path), line, None, f"has {len(row)} cells, not {len(header)}")])
-        for name, column in zip(NUMBERS, at, strict=True):
+        for name, column in zip(known, at, strict=True):
             values.append(_number(path, line, name, row[column]))
         for name, column in words.items():
             texts[name].append(codes.setdefault(row[column], len(codes)))
-    numbers = np.frombuffer(values).reshape(-1, len(NUMBERS)) if values else np.zeros((0, len(NUMBERS)))
+    numbers = np.frombuffer(values).reshape(-1, len(known))
     order, names = np.argsort(numbers[:, 0], kind="stable"), np.array(list(codes) or [""])
     if not len(order):
         return None
     numbers = numbers[order]
-    first = np.append(np.flatnonzero(np.diff(numbers[:, 0], prepend=-np.inf)), len(numbers))
+    count = max(int(numbers[-1, 0]) + 1, about.frames or 0)
+    if not 0 <= numbers[0, 0] <= count <= limits.TRACK_FRAMES:
+        raise ProblemsError([Problem(str(path), None, "frame", f"must be 0 to {limits.TRACK_FRAMES:g}")])
+    first = np.searchsorted(numbers[:, 0], np.arange(count + 1))
     named = {name: names[np.frombuffer(text, np.int64)[order]] for name, text in texts.items()}
-    return RunTable(about, first, dict(zip(NUMBERS, numbers.T.copy(), strict=True)), named)
+    return RunTable(about, first, dict(zip(known, numbers.T.copy(), strict=True)), named)
 
 
 def _number(path, line, name, cell):

@@ -18,7 +18,7 @@ SCHEMA = "flockbrush.trajectory/1"
 
 COLUMNS = (
     "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "species", "brush", "role", "reference",
-    *LABELS,
+    *LABELS, "pitch",
 )  # fmt: skip
 
 ROLES = ("follower", "leader")
@@ -43,6 +43,7 @@ def table_of(simulation, moment: Moment, frame):
         "role": moment.leader.astype(int),
         "reference": moment.reference,
         **moment.labels,
+        "pitch": np.arctan2(moment.forward[:, 2], np.hypot(moment.forward[:, 0], moment.forward[:, 1])),
     }  # fmt: skip
     return table, words
 

@@ -13,24 +13,27 @@ NEAR = 0.5  # wingspans of height within which birds fly in one another's wake
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def savings(x, y, z, wing):
+def savings(xyz, track, wing):
     """Σ g of every bird, (n,): from birds at its own height and not in one another's downwash.
 
     Parameters
     ----------
-    x, y, z : ndarray (n,)
-        Metres to the right, ahead and up.
+    xyz : ndarray (n, 3)
+        Metres.
+    track : ndarray (n, 2)
+        Unit vectors: the way each bird flies.
     wing : ndarray (n,)
         Wingspans, m.  Distances between two birds count in their mean wingspan.
     """
-    n = len(x)
+    n = len(xyz)
     out = np.zeros(n)
     for i in range(n):
         for j in range(n):
             unit = 0.5 * (wing[i] + wing[j])
-            right = (x[j] - x[i]) / unit
-            if i != j and abs(right) > REACH + 0.02 and abs(z[j] - z[i]) < NEAR * unit:
-                out[i] += g_(right, (y[j] - y[i]) / unit)
+            x, y, z = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2]
+            right, ahead = x * track[i, 1] - y * track[i, 0], x * track[i, 0] + y * track[i, 1]
+            if i != j and abs(right) > (REACH + 0.02) * unit and abs(z) < NEAR * unit:
+                out[i] += g_(right / unit, ahead / unit)
     return out
 
 
@@ -50,9 +53,7 @@ def savings_of(world):
     """
     agents, wing = world.agents, wingspans_of(world)
     xyz, track = agents[Position.xyz], agents[FormationPlace.track]
-    x = xyz[:, 0] * track[:, 1] - xyz[:, 1] * track[:, 0]
-    y = xyz[:, 0] * track[:, 0] + xyz[:, 1] * track[:, 1]
     flying = np.flatnonzero(track.any(axis=1))
     out = np.zeros(len(agents))
-    out[flying] = savings(x[flying], y[flying], xyz[flying, 2], wing[flying])
+    out[flying] = savings(xyz[flying], track[flying], wing[flying])
     return out

@@ -271,7 +271,8 @@ def _columns(sweep, rows):
     if any("case" in scenario.varied for scenario in sweep.scenarios):
         columns["case"] = [scenario.varied.get("case") for scenario, _ in rows]
     for name in dict.fromkeys(name for scenario in sweep.scenarios for name in scenario.parameters):
-        columns[name] = [scenario.parameters.get(name) for scenario, _ in rows]
+        if name != "density" or any(scenario.parameters.get("plane") for scenario in sweep.scenarios):
+            columns[name] = [scenario.parameters.get(name) for scenario, _ in rows]
     for name in sweep.measures:
         columns[name if name not in columns else f"measured {name}"] = [
             row["measures"].get(name) if row["status"] == "ok" else None for _, row in rows
@@ -358,7 +359,7 @@ def _title_of(sweep, measure):
     plain = measure.removeprefix("mean ")
     known = measures().get(plain) if sweep.experiment.name == "level" else None
     if known is not None:
-        return measure.removesuffix(plain) + known.axis
+        return measure.removesuffix(plain) + known.axis()
     unit = sweep.experiment.units.get(measure)
     return measure.replace("_", " ") + (f", {unit}" if unit else "")
 

@@ -183,15 +183,26 @@ def test_what_cannot_be_done_is_said(words, said, tmp_path, capsys, monkeypatch)
 
 
 def test_who_flies_beside_saves_and_who_is_alone_does_not():
-    x, y, z = np.array([0.0, 1.25, 40.0]), np.array([0.0, -1.0, 0.0]), np.zeros(3)
-    saved = savings(x, y, z, np.ones(3))
+    xyz, north = np.array([(0.0, 0.0, 0.0), (1.25, -1.0, 0.0), (40.0, 0.0, 0.0)]), np.tile([0.0, 1.0], (3, 1))
+    saved = savings(xyz, north, np.ones(3))
     assert saved[1] > saved[0] > 100 * saved[2] > 0
-    assert savings(x, y, np.array([0.0, 5.0, 0.0]), np.ones(3))[1] == 0  # far above
-    assert np.array_equal(savings(2 * x, 2 * y, z, np.full(3, 2.0)), saved)
+    assert savings(xyz + [(0, 0, 0), (0, 0, 5), (0, 0, 0)], north, np.ones(3))[1] == 0  # far above
+    assert np.array_equal(savings(2 * xyz, north, np.full(3, 2.0)), saved)
 
 
 def test_what_birds_of_different_sizes_save_depends_only_on_where_they_are_to_one_another():
-    x, y, wing = np.array([0.0, 2.0, 4.0]), np.array([0.0, -1.6, -3.2]), np.array([1.5, 1.6, 1.7])
-    saved = savings(x, y, np.zeros(3), wing)
+    xyz, wing = np.array([(0.0, 0.0, 0.0), (2.0, -1.6, 0.0), (4.0, -3.2, 0.0)]), np.array([1.5, 1.6, 1.7])
+    north = np.tile([0.0, 1.0], (3, 1))
+    saved = savings(xyz, north, wing)
     assert saved[2] > 0.1
-    assert savings(x + 800.0, y - 3000.0, np.full(3, 50.0), wing) == pytest.approx(saved, rel=1e-9)
+    assert savings(xyz + (800.0, -3000.0, 50.0), north, wing) == pytest.approx(saved, rel=1e-9)
+
+
+def test_what_flocks_on_different_ways_save_does_not_depend_on_the_origin():
+    flock = np.array([(0.0, 0.0, 0.0), (2.0, -1.6, 0.0), (4.0, -3.2, 0.0)])
+    turned = flock[:, [1, 0, 2]] * (1.0, -1.0, 1.0) + (700.0, 200.0, 0.0)  # flies east
+    xyz, wing = np.concatenate([flock, turned]), np.full(6, 1.6)
+    track = np.repeat([(0.0, 1.0), (1.0, 0.0)], 3, axis=0)
+    saved = savings(xyz, track, wing)
+    assert saved == pytest.approx(savings(xyz - (790.0, 81.0, 0.0), track, wing), rel=1e-6)
+    assert saved[:3] == pytest.approx(savings(flock, track[:3], wing[:3]), abs=1e-3)

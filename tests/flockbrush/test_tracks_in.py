@@ -341,7 +341,7 @@ def test_a_damaged_table_of_a_run_is_refused_in_words(tmp_path, capsys):
     lines = table.read_text().splitlines()
     for damaged, said in (
         (lines[3].replace("0.000000", "up", 1), "r.csv:4: time: must be a finite number, got 'up'"),
-        ("1,2,3", "r.csv:4: has 3 cells, not 18"),
+        ("1,2,3", "r.csv:4: has 3 cells, not 19"),
     ):
         table.write_text("\n".join([*lines[:3], damaged, *lines[4:]]) + "\n")
         capsys.readouterr()

@@ -195,6 +195,32 @@ def test_few_animals_are_measured_or_not_a_number(n):
 
 def test_an_axis_spells_a_measure_out_and_has_its_unit():
     known = measures()
-    assert known["nnd"].axis == "nearest neighbour distance, m"
-    assert known["speed_mean"].axis == "speed mean, m/s"
-    assert known["polarization"].axis == "polarization"
+    assert known["nnd"].axis() == "nearest neighbour distance, m"
+    assert known["speed_mean"].axis() == "speed mean, m/s"
+    assert known["polarization"].axis() == "polarization"
+    assert known["nnd"].axis("body lengths") == "nearest neighbour distance, BL"
+    assert [known[name].unit_in("body lengths") for name in ("speed_mean", "density")] == ["BL/s", "1/BL²"]
+
+
+def test_numbers_of_numpy_become_numbers_of_python(monkeypatch):
+    from flockbrush.systems import measures as room
+
+    for name, value in {
+        "many": np.int64(3),
+        "wide": np.float32(0.5),
+        "zero_d": np.array(2.0),
+        "some": np.bool_(True),
+    }.items():
+        monkeypatch.setitem(room._registry, name, room.Measure(name, lambda herd, value=value: value, "own"))
+    found = herd_measures(np.zeros((1, 3)), np.zeros((1, 3)), np.eye(3)[:1], 1.0)
+    own = [found[name] for name in ("many", "wide", "zero_d", "some")]
+    assert [type(value) for value in own] == [int, float, float, bool] and own == [3, 0.5, 2.0, True]
+
+
+def test_animals_whose_heading_is_unknown_do_not_count_in_measures_of_headings():
+    xyz = np.array([(0.0, 0.0, 0.0), (4.0, 0.0, 0.0), (2.0, 2.0, 0.0)])
+    forward = np.array([(0.0, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)])
+    found = herd_measures(xyz, forward, forward, 1.0)
+    assert found["polarization"] == pytest.approx(1.0)
+    assert found["rotation"] == pytest.approx(compute_rotation(xyz[:2, :2], forward[:2], xyz[:, :2].mean(0)))
+    assert found["animals"] == 3

@@ -1,0 +1,93 @@
+"""Measures of tracks and of tables of runs: what they must not depend on, and the runs that they agree with."""
+
+import json
+
+import numpy as np
+import pytest
+from flockbrush.levels.sketch import LevelSketch
+
+from flockbrush.cli.measure import as_series
+from flockbrush.film.track_files import read_trajectories
+
+
+def table(path, xy, fps=10.0, start=0.0, heading=None):
+    """Tracks (T, N, 2) m as a CSV."""
+    lines = ["time,id,x,y" + (",heading" if heading is not None else "")]
+    for t, row in enumerate(xy):
+        for k, (x, y) in enumerate(row):
+            more = "" if heading is None else f",{heading:.6f}"
+            lines.append(f"{start + t / fps:.3f},{k + 1},{x:.6f},{y:.6f}{more}")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def measured(cli, path, *words):
+    done = cli("measure", path, "--unit", "m", "--body-length-m", 1, "--json", *words)
+    assert done.code == 0, done.err
+    return json.loads(done.out), done.err
+
+
+def walkers(angle, resting=15):
+    """100 frames of thirty animals, of which some never move and the others walk one way at 1.8 m/s."""
+    rng = np.random.default_rng(3)
+    places = rng.uniform(0, 20, (30, 2))
+    way = np.arange(100)[:, None, None] * 0.18 * np.array([np.cos(angle), np.sin(angle)])
+    return places + way * (np.arange(30) >= resting)[None, :, None]
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5 * np.pi, np.pi, 4.0])
+def test_animals_that_never_move_have_no_heading(cli, tmp_path, angle):
+    found, _ = measured(cli, table(tmp_path / "a.csv", walkers(angle)))
+    assert found["mean"]["polarization"] == pytest.approx(1.0, abs=1e-3)
+    assert found["mean"]["animals"] == 30
+    assert found["mean"]["speed_mean"] == pytest.approx(0.9, rel=1e-3)
+    assert any("15 tracks are never faster: they have no heading" in note for note in found["notes"])
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.35, 1.4])
+def test_speeds_do_not_depend_on_headings(cli, tmp_path, aside):
+    found, _ = measured(cli, table(tmp_path / "a.csv", walkers(0.7, 0), heading=0.7 + aside))
+    assert found["mean"]["speed_mean"] == pytest.approx(1.8, rel=1e-3)
+
+
+def test_times_are_those_of_the_file(cli, tmp_path):
+    path = table(tmp_path / "a.csv", walkers(0.7, 0), start=100.0)
+    found, _ = measured(cli, path)
+    assert found["series"]["time"][0] == pytest.approx(100.0)
+    assert found["series"]["time"][-1] == pytest.approx(109.9)
+    assert read_trajectories(path, "m").part(50, 89).start == pytest.approx(105.0)
+
+
+def test_units_are_those_of_the_file(cli, tmp_path):
+    path = table(tmp_path / "a.csv", 10 * walkers(0.7, 0))
+    told = cli("measure", path, "--unit", "px", "--body-length-px", 10).out
+    assert "mean speed, BL/s" in told and "1/BL²" in told and "m/s" not in told
+
+
+def test_a_table_has_the_frames_in_which_nobody_is_there(cli, tmp_path):
+    """Everybody leaves the map long before the run ends."""
+    sketch = LevelSketch(24, 12, 1.0, ".", boundary="despawn")
+    sketch.document.data["tilesets"] = []
+    sketch.box("Spawn", 18, 6, 4, 6, "herd", species="sheep", brush="march", count=6, heading="east")
+    level = sketch.save(tmp_path / "out.tmj")
+    run, csv = tmp_path / "out.flock", tmp_path / "out.csv"
+    assert cli("run", level, "--seconds", 9, "--record", run, "--export", csv).code == 0
+    by_run, by_table = (json.loads(cli("measure", path, "--json").out) for path in (run, csv))
+    assert by_run["measures"]["animals"] == 0
+    for name in ("time", "animals", "polarization", "speed_mean"):
+        there = np.array(by_table["series"][name], float)
+        assert there == pytest.approx(np.array(by_run["series"][name], float), abs=1e-4, nan_ok=True)
+
+
+def test_a_table_tells_how_birds_climb(cli, tmp_path):
+    run, csv = tmp_path / "lake.flock", tmp_path / "lake.csv"
+    assert cli("run", "lake", "--seconds", 6, "--agents", 40, "--record", run, "--export", csv).code == 0
+    by_run, by_table = (json.loads(cli("measure", path, "--json").out)["series"] for path in (run, csv))
+    assert by_table["polarization"] == pytest.approx(by_run["polarization"], abs=1e-4)
+    assert by_table["aspect_ratio"] == pytest.approx(by_run["aspect_ratio"], abs=1e-3)
+
+
+def test_a_measure_that_comes_later_stays_beside_its_times():
+    series = as_series([{"time": 0.0, "a": 1.0}, {"time": 1.0, "a": 2.0, "b": 3.0}])
+    assert series["time"] == [0.0, 1.0] and series["a"] == [1.0, 2.0]
+    assert np.isnan(series["b"][0]) and series["b"][1] == 3.0
