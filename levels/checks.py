@@ -36,8 +36,14 @@ def check_level(level, objects, library, commands=None):
 
 def registered():
     """The commands there are, by name."""
-    import flockbrush.systems.commands  # noqa: F401  (registers them)
     from flockbrush.engine.commands import COMMANDS
+    from flockbrush.systems import (  # noqa: F401  (these register them)
+        commands,
+        gusts,
+        leaders,
+        mark_commands,
+        program_commands,
+    )
 
     return COMMANDS
 

@@ -113,8 +113,8 @@ def level_hints(level, places):
             )
 
 
-def program_hints(level, places):
-    """Warn about programs: triggers that never fire for want of a place, and commands that change nobody for them.
+def script_hints(level, places):
+    """Warn about programs with triggers that never fire for want of a place, and about commands that change nobody.
 
     Parameters
     ----------
@@ -135,8 +135,10 @@ def program_hints(level, places):
                         f"triggers do not fire{did_you_mean(name, names)}"
                     )
 
-
+    commands = {key.command for key in level.script}
     for key in level.script:
+        if key.command == "Steer" and "Appoint" not in commands:
+            places[key.id].warn("Steer changes no animal: it sends appointed animals, and the script has no Appoint")
         meant = [spawn for spawn in level.spawns if key.args.get("species", "") in ("", spawn.species)]
         if key.command == "SwitchBrush" and meant and all(_chooses(level.programs.get(s.program)) for s in meant):
             places[key.id].warn(

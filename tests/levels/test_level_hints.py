@@ -70,6 +70,17 @@ class TestPrograms:
             found = [str(warning) for warning in read_level_files(files, library=shipped()).warnings]
             assert len([one for one in found if "SwitchBrush changes no animal" in one]) == number
 
+    def test_steering_without_appointed_animals_is_told(self):
+        def key(number, command, **values):
+            return thing(number, "Key", 20, 20, extra={"point": True}, at=1.0, command=command, **values)
+
+        steer, appoint = key(4, "Steer", species="sheep"), key(5, "Appoint", species="sheep")
+        for keys, number in (([steer], 1), ([appoint, steer], 0)):
+            document = level(objects("spawns", herd(species="sheep", count=3)), objects("script", *keys))
+            files = {"small.tmj": json.dumps(document, indent=1).encode()}
+            found = [str(warning) for warning in read_level_files(files, library=shipped()).warnings]
+            assert len([one for one in found if "Steer changes no animal" in one]) == number
+
     def test_one_that_is_there_is_not(self):
         assert self.geese("lake") == []
 
