@@ -222,12 +222,14 @@ class Sketcher(TerrainSketch):
 
     def _obstacle(self, obstacle, points):
         theme, unit = self.theme, self.unit
-        opaque = 0.92 if getattr(obstacle, "blocks_view", True) else 0.30
+        seen_through = not getattr(obstacle, "blocks_view", True) or not getattr(obstacle, "on_the_ground", True)
+        opaque = 0.30 if seen_through else 0.92  # animals pass below what hangs above the ground
         mask = self.canvas.area_mask(points)
         if mask is not None and self._is_large(points):
             opaque *= 0.8  # the terrain under a bank or a cliff is worth seeing
         self.canvas.area(points, theme.obstacle, opaque)
-        dash = None if getattr(obstacle, "solid", True) else (4 * unit, 3 * unit)
+        bars = getattr(obstacle, "solid", True) and getattr(obstacle, "on_the_ground", True)
+        dash = None if bars else (4 * unit, 3 * unit)
         self.canvas.line(points, 1.5 * unit, theme.obstacle_edge, 0.9, closed=True, dash=dash)
 
     def _is_large(self, points):
