@@ -46,8 +46,8 @@ DATA = {
         Data("zebrafish", "100 zebrafish in a round tank, frames 0 to 149", 55.0, "px", 32.0, (0, 149),
              "data GPL-3.0, test data of trajectorytools",
              "The frame rate of 32/s and the body length of 55 px come from descriptions of such films, not from the "
-             "file. The brush does not include the wall of the tank. It has practically no cohesion: without a wall, "
-             "its shoal spreads and loses its direction."),
+             "file. The brush does not include the wall of the tank. It has little cohesion: without a wall, its shoal "
+             "spreads and loses its direction."),
         Data("pigeons", "10 pigeons with GPS, horizontal positions, 30 s of a free flight", 0.35, "m", 5.0, (0, 149),
              "free with citation, Nagy et al. 2010, Nature 464, 890",
              "Assumed length of a pigeon: .35 m. Heights are ignored."),
