@@ -140,7 +140,9 @@ def script_hints(level, places):
         if key.command == "Steer" and "Appoint" not in commands:
             places[key.id].warn("Steer changes no animal: it sends appointed animals, and the script has no Appoint")
         meant = [spawn for spawn in level.spawns if key.args.get("species", "") in ("", spawn.species)]
-        if key.command == "SwitchBrush" and meant and all(_chooses(level.programs.get(s.program)) for s in meant):
+        if key.command != "SwitchBrush" or commands & {"GiveProgram", "UseProgram", "AddAnimals", "MarkSpawn"}:
+            continue  # it may mean animals that the script brings or frees
+        if meant and all(_chooses(level.programs.get(spawn.program)) for spawn in meant):
             places[key.id].warn(
                 "SwitchBrush changes no animal: all follow programs whose states choose their brushes; use SetState, "
                 "GiveProgram or Event"

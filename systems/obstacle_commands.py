@@ -61,6 +61,9 @@ class AddObstacle:
     def check(self, world):
         land = world.resource(Landscape)
         on_the_map(land, self.polygon())
+        for glide in land.glides:
+            if glide.name == self.name:  # it goes with it
+                on_the_map(land, self.polygon() + glide.by[:2])
         need(self.id >= 0, f"id must be at least 0, got {self.id}")
         need(0 <= self.margin <= 1000, f"margin must be 0 to 1000 m, got {self.margin:g}")
         low, high, shape, corners = self.stand(land)
@@ -161,6 +164,7 @@ class RemoveObstacle:
     name: str = ""
     id: int = 0
     at: int = -1  # of several of a name only the one at this place in the order
+    overhead: bool = False  # in recordings of before there was one order of all; no longer of use
 
     def gone(self, world):
         """Indices of the obstacles that go; ValueError when there are none."""
@@ -243,7 +247,7 @@ class MoveObstacle:
         land = world.resource(Landscape)
         by = self._way(land)
         land.glides = [glide for glide in land.glides if glide.name != self.name]
-        land.glides.append(Glide(self.name, by, self.seconds))
+        _set_off(land, [Glide(self.name, by, self.seconds)])
         land.changed()
 
     def _way(self, land):
@@ -300,9 +304,14 @@ class StandObstacle:
             land.rebuild(navigation=False)
             raise
         land.glides = [glide for glide in land.glides if glide.name != self.name]
-        land.glides += [Glide(self.name, np.array(by, float), left) for by, left in self.glides]
+        _set_off(land, [Glide(self.name, np.array(by, float), left) for by, left in self.glides])
         land.changed()
         land.navigate_later(world.resource(Clock).tick)
+
+
+def _set_off(land, glides):
+    """Add glides, in the order of names: undo brings them back to the same place."""
+    land.glides = sorted([*land.glides, *glides], key=lambda glide: glide.name)
 
 
 def advance(world, land, glide, clock):

@@ -91,6 +91,7 @@ def _selection(job):
 def _edit(job, kind, run, file) -> Edit:
     """The requested edit, with the ids of the animals that are selected as the edits so far show them."""
     _check_uses(job, kind)
+    looks = _looks(job)
     start, end = job.start or 0.0, ALWAYS if job.end is None else job.end
     selection = _selection(job)
     if not selection:
@@ -106,7 +107,8 @@ def _edit(job, kind, run, file) -> Edit:
             running.go_to(run, simulation, tick)
             warn_if_unlike(run, simulation)
         interrupts = stack.enter_context(terminal.Interrupts())
-        edits = _edited_moments(file.edits(), run, simulation, stack, interrupts)
+        wanted = [Edit("look", (), **looks)] if looks else []  # of nobody yet: what it names may come later in the run
+        edits = _edited_moments([*file.edits(), *wanted], run, simulation, stack, interrupts)
         moment, words = edits.at(moment_of(simulation)), words_of(simulation)
     try:
         ids = chosen(selection, moment, words)
@@ -122,7 +124,10 @@ def _edit(job, kind, run, file) -> Edit:
         edit = replace(
             edit, by=tuple(by), turn=job.turn or 0.0, over=job.over or 0.0, about=about if job.turn else (0.0, 0.0)
         )
-    return replace(edit, **_values(job, kind, words))
+    for name in ("brush", "species"):
+        if looks.get(name, "") not in ("", *words[name]):
+            raise refused("--look", f"there is no {name} {looks[name]!r} in this run; it has {', '.join(words[name])}")
+    return replace(edit, **_values(job, kind), **looks)
 
 
 def _check_uses(job, kind):
@@ -139,14 +144,13 @@ def _check_uses(job, kind):
         raise refused("--until", f"must be later than --from {job.start:g}, got {job.end:g}")
 
 
-def _values(job, kind, words):
-    if kind == "retime":
-        return {"speed": job.retime}
-    if kind == "delay":
-        return {"seconds": job.delay}
-    if kind != "look":
-        return {}
-    values = {}
+def _values(job, kind):
+    return {"retime": {"speed": job.retime}, "delay": {"seconds": job.delay}}.get(kind, {})
+
+
+def _looks(job):
+    """{"brush", "species" or "size": value} of --look."""
+    values: dict = {}
     for text in job.look or []:
         name, mark, value = text.partition("=")
         if name not in LOOKS or not mark:
@@ -155,8 +159,6 @@ def _values(job, kind, words):
             values[name] = _number(value)
             if not 0.01 <= values[name] <= 100:
                 raise refused("--look size", f"must be a number from 0.01 to 100, got {value!r}")
-        elif value not in words[name]:
-            raise refused("--look", f"there is no {name} {value!r} in this run; it has {', '.join(words[name])}")
         else:
             values[name] = value
     return values

@@ -43,8 +43,8 @@ def no_export(path: Path | None) -> Path | None:
     from flockbrush.output.exporter import exporter_of
 
     if path is not None and exporter_of(path) is not None:
-        other = f"{path.stem}.flock"
-        raise refused(path, f"would be a recording, not a {path.suffix} file: name it {other}, or use --export")
+        name = f"name it {path.stem}.flock; flockbrush export makes other files of it"
+        raise refused(path, f"would be a recording, not a {path.suffix} file: {name}")
     return path
 
 

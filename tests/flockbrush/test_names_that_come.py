@@ -106,7 +106,7 @@ def test_animals_of_another_time_bear_the_names_of_that_time(cli, recording, tmp
 
 
 def test_a_look_that_comes_later_is_shown_from_the_start(cli, recording, tmp_path):
-    rows = exported(cli, recording, tmp_path, ["--ids", "1,2", "--look", "brush=bees", "--at", "1"])
+    rows = exported(cli, recording, tmp_path, ["--ids", "1,2", "--look", "brush=bees"])
     names = names_of(rows)
     assert {names[frame, animal][1] for frame in range(TICKS + 1) for animal in (1, 2)} == {"bees"}
     assert {names[0, animal][1] for animal in range(3, 13)} == {"graze", "march"}

@@ -188,3 +188,21 @@ def test_a_snapshot_that_is_put_back_leaves_obstacles_the_same_objects():
     restore(simulation.world, kept)
     assert all(now is then for now, then in zip(land_of(simulation).obstacles, before, strict=True))
     assert land_of(simulation).find("gate")[0].polygon.mean(0) == pytest.approx(MIDDLE)
+
+
+def test_undo_keeps_the_order_of_what_is_on_its_way():
+    simulation = with_gate(0.0)
+    do(simulation, AddObstacle("fence", box(35, 5, 36, 20).tolist(), id=91))
+    do(simulation, MoveObstacle("gate", 31.0, 20.0, seconds=4.0), MoveObstacle("fence", 37.0, 12.5, seconds=4.0))
+    before = settled(simulation)[0]
+    back = do(simulation, RemoveThing("obstacle", 91))
+    do(simulation, *back)
+    assert [glide.name for glide in land_of(simulation).glides] == ["fence", "gate"]
+    assert settled(simulation)[0] == before
+
+
+def test_what_joins_a_glide_must_not_leave_the_map_with_it():
+    simulation = with_gate(0.0)
+    do(simulation, MoveObstacle("gate", 39.0, 20.0, seconds=4.0))
+    with pytest.raises(CommandError, match="not on the map"):
+        do(simulation, AddObstacle("gate", box(33, 2, 34, 3).tolist()))
