@@ -80,6 +80,11 @@ def _label(compiled, name, names):
     return name if names.count(name) == 1 else f"{compiled.program.name}/{name}"
 
 
+def state_keys(world):
+    """PROGRAM/STATE of all states in the order of `state_names`: they stay when other programs come."""
+    return "", *(f"{one.program.name}/{name}" for one in world.resource(Programs).compiled for name in one.names)
+
+
 def state_codes(world):
     """(n,) int: the state of each animal as an index into `state_names`."""
     programs, agents = world.resource(Programs), world.agents

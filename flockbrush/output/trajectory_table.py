@@ -11,7 +11,6 @@ from flockbrush.components import Body, Species
 from flockbrush.runs.catalogue import LABELS, catalogue_of
 from flockbrush.runs.snapshots import Moment, words_of
 from flockbrush.systems.fauna import SpeciesList
-from flockbrush.systems.program_reports import state_names
 from flockbrush.systems.programs import Programs
 
 SCHEMA = "flockbrush.trajectory/1"
@@ -74,7 +73,7 @@ def names_in_tables(simulation):
     """What a table needs beside it to be measured as its run (`flockbrush.output.run_table`)."""
     agents, world = simulation.agents, simulation.world
     catalogue, fauna = catalogue_of(world), world.resource(SpeciesList)
-    words, palette = iter(state_names(world)[1:]), catalogue.palette
+    palette = catalogue.palette
     species, length = agents[Species.index], agents[Body.length]
     now = {name: length[species == k] for k, name in enumerate(fauna.names)}
     return {
@@ -84,7 +83,8 @@ def names_in_tables(simulation):
             for name, asset in catalogue.species.items()
         },
         "programs": {
-            one.program.name: {name: next(words) for name in one.names} for one in world.resource(Programs).compiled
+            one.program.name: {name: catalogue.word("state", f"{one.program.name}/{name}") for name in one.names}
+            for one in world.resource(Programs).compiled
         },
     }
 

@@ -15,7 +15,7 @@ from flockbrush.components import Family
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.groups import family_names, group_names, groups_of
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.program_reports import state_codes, state_names
+from flockbrush.systems.program_reports import state_codes, state_keys, state_names
 
 
 class Label(NamedTuple):
@@ -23,12 +23,13 @@ class Label(NamedTuple):
 
     names: Callable  # function (world) -> tuple of str; all there are now
     codes: Callable  # function (world) -> (n,) int; a new array: which of them each animal bears
+    keys: Callable | None = None  # function (world) -> tuple of str; what tells them apart, where names may change
 
 
 LABELS: dict[str, Label] = {  # by name; who declares such a column registers it here
     "group": Label(group_names, lambda world: groups_of(world) - 1),
     "family": Label(family_names, lambda world: world.agents[Family.number].copy()),
-    "state": Label(lambda world: tuple(state_names(world)) or ("",), state_codes),
+    "state": Label(lambda world: tuple(state_names(world)) or ("",), state_codes, state_keys),
 }
 
 
@@ -37,6 +38,8 @@ class Catalogue:
 
     Attributes
     ----------
+    words : dict of str to list of str
+        {column: names by index} of species, brush and all labels; a name is the one that was seen first.
     palette : Palette
         The brushes, each as it was last; that of the world itself where nothing else was ever there.
     species : dict of str to SpeciesSpec or None
@@ -46,14 +49,10 @@ class Catalogue:
     def __init__(self):
         self.palette, self.species = Palette(), {}
         self._brushes: dict = {}
-        self._index: dict[str, dict[str, int]] = {name: {} for name in ("species", "brush", *LABELS)}
+        self._index: dict[str, dict[str, int]] = {name: {} for name in ("species", "brush", *LABELS)}  # by key
+        self.words: dict[str, list[str]] = {name: [] for name in self._index}
         self._seen: dict[str, tuple] = {}  # names of the world at the last look
         self._tables: dict[str, np.ndarray] = {}  # index in the catalogue of each of them, where that differs
-
-    @property
-    def words(self) -> dict[str, list[str]]:
-        """{column: names by index} of species, brush and all labels."""
-        return {column: list(index) for column, index in self._index.items()}
 
     def note(self, world, labels=True):
         """Add what a world has now; this is cheaper without labels."""
@@ -67,17 +66,26 @@ class Catalogue:
         self._add("species", tuple(fauna.names))
         self._add("brush", tuple(palette.names))
         for column, label in LABELS.items() if labels else ():
-            self._add(column, label.names(world))
+            self._add(column, label.names(world), label.keys and label.keys(world))
 
-    def _add(self, column, names):
-        if self._seen.get(column) == names:
+    def _add(self, column, names, keys=None):
+        keys = keys or names
+        if self._seen.get(column) == keys:
             return
-        index = self._index[column]
-        table = np.array([index.setdefault(name, len(index)) for name in names], np.int64)
-        self._seen[column] = names
+        index, words = self._index[column], self.words[column]
+        for key, name in zip(keys, names, strict=True):
+            if key not in index:
+                index[key] = len(words)
+                words.append(key if name in words else name)
+        table = np.array([index[key] for key in keys], np.int64)
+        self._seen[column] = keys
         self._tables.pop(column, None)
         if not np.array_equal(table, np.arange(len(table))):
             self._tables[column] = table
+
+    def word(self, column, key):
+        """The name by what tells it apart."""
+        return self.words[column][self._index[column][key]]
 
     def codes(self, column, codes):
         """Indices (n,) into the names of the world at the last look, as indices into those of the catalogue."""

@@ -160,6 +160,28 @@ def test_codes_mean_the_same_after_a_brush_was_taken_back():
     assert np.array_equal(palette.mean, [brush.speed.mean for brush in palette.brushes])
 
 
+def test_a_state_keeps_its_name_when_another_program_has_one_of_the_same_name(cli, tmp_path):
+    run = flockbrush.start("meadow", agents=12)
+    path = tmp_path / "two.flock"
+    with flockbrush.record(path, run) as record:
+        for tick in range(64):
+            if tick == 4:
+                run.submit(UseProgram("one", PROGRAM))
+                run.submit(GiveProgram("one"))
+            if tick == 32:
+                run.submit(UseProgram("two", PROGRAM))
+            run.run(1)
+            record.take()
+    assert cli("export", path, "--to", tmp_path / "two.csv").code == 0
+    with open(tmp_path / "two.csv", newline="") as table:
+        assert {row["state"] for row in csv.DictReader(table)} == {"", "stroll", "hurry"}
+    by_run, by_table = (json.loads(cli("measure", file, "--json").out) for file in (path, tmp_path / "two.csv"))
+    shown, lived = by_table["transitions"]["one"], by_run["transitions"]["one"]
+    assert shown["hurry"] == lived["hurry"] != {}
+    assert 0 <= lived["stroll"]["hurry"] - shown["stroll"]["hurry"] <= 12  # within the tick in which the program came
+    assert by_table["states"]["one"] == by_run["states"]["one"]
+
+
 def test_metadata_name_what_is_in_the_table(cli, recording, tmp_path, plain):
     exported(cli, recording, tmp_path)
     about = json.loads((tmp_path / "late.csv.json").read_text())
