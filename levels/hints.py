@@ -113,8 +113,8 @@ def level_hints(level, places):
             )
 
 
-def script_hints(level, places):
-    """Warn about programs with triggers that never fire for want of a place, and about commands that change nobody.
+def program_hints(level, places):
+    """Warn about programs that name places which are not in the level.
 
     Parameters
     ----------
@@ -131,10 +131,19 @@ def script_hints(level, places):
             for name in program.references(what):
                 if name not in names and name not in mentioned:
                     places[spawn.id].warn(
-                        f"program {spawn.program!r} names the {what} {name[:60]!r}, which is not in this level: its "
-                        f"triggers do not fire{did_you_mean(name, names)}"
+                        f"program {spawn.program!r} names the {what} {name[:60]!r}, which is not in this level: no "
+                        f"animal is ever in it or near it{did_you_mean(name, names)}"
                     )
 
+
+def script_hints(level, places):
+    """Warn about commands of the script that change no animal.
+
+    Parameters
+    ----------
+    places : dict of int to Place
+        By the id of the object.
+    """
     commands = {key.command for key in level.script}
     for key in level.script:
         if key.command == "Steer" and "Appoint" not in commands:

@@ -21,7 +21,15 @@ from flockbrush.levels.art_reader import ArtReader
 from flockbrush.levels.checked_nodes import parsed, text
 from flockbrush.levels.checks import check_level
 from flockbrush.levels.height_picture import read_grey
-from flockbrush.levels.hints import layer_hints, level_hints, mixing_hints, paint_hints, script_hints, slope_hints
+from flockbrush.levels.hints import (
+    layer_hints,
+    level_hints,
+    mixing_hints,
+    paint_hints,
+    program_hints,
+    script_hints,
+    slope_hints,
+)
 from flockbrush.levels.layer_reader import LayerReader, kind_of, plain_name, split
 from flockbrush.levels.level_files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles
 from flockbrush.levels.libraries import brush_library, program_library, recorded_library
@@ -154,6 +162,7 @@ class LevelReader:
         if not self.report.problems:
             layer_hints(layer for layer in layers if not plain_name(layer.name).startswith(schema.IGNORED))
             level_hints(level, self.objects.places)
+            program_hints(level, self.objects.places)
             script_hints(level, self.objects.places)
             for zone in level.zones:
                 paint_hints(zone, self.objects.places[zone.id], self.library)

@@ -201,7 +201,7 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
         raise ProblemsError(wrong)
     for what in ("region", "goal", "place"):
         for place in program.references(what):
-            say(f"note: {file}: the plane has no {what} {place!r}; triggers that refer to it do not fire")
+            say(f"note: {file}: the plane has no {what} {place!r}: no animal is ever in it or near it")
     newcomer, species = read_intruder(intruder, library), species or species_for(program, library)
     with terminal.Interrupts() as interrupts, terminal.compiling():
         simulation = plane_for(program, library, animals, species, newcomer, seed)

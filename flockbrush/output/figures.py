@@ -20,6 +20,7 @@ from flockbrush.systems.measures import measures
 
 FORMATS = ".png", ".svg", ".pdf"
 MARKERS = "os^D"  # curves can be told apart without colours
+EVEN = 0.01  # of the values, by which a curve must change to have a scale of its own
 SIZE = 4.6, 2.9  # inches of a panel
 ROW = 0.19  # inches of a parameter in its panel
 DOTS = 192  # pixels an inch
@@ -91,7 +92,7 @@ class CurveChart(NamedTuple):
         self._scale(axes, measured)
 
     def _scale(self, axes, measured):
-        """The measured axis: as told, logarithmic, or from 0 where the curves come near it."""
+        """The measured axis: as told, logarithmic, or from 0 where the curves come near it or hardly change."""
         limits = axes.set_xlim if self.words else axes.set_ylim
         if self.logarithmic:
             axes.set_yscale("log", subs=())
@@ -104,7 +105,10 @@ class CurveChart(NamedTuple):
         else:
             low, high = measured.get_view_interval()
             values = np.concatenate([np.asarray(curve.y, float) for curve in self.curves])
-            if 0 <= np.nanmin(values) < 0.6 * np.nanmax(values):
+            least, most = float(np.nanmin(values)), float(np.nanmax(values))
+            if least > 0 and most - least < EVEN * most:  # what hardly changes is no curve of its rounding errors
+                limits(0.0, 1.25 * most)
+            elif 0 <= least < 0.6 * most:
                 limits(min(0.0, low) if low < 0 and _has_errors(self.curves) else 0.0, high)
 
 

@@ -76,7 +76,7 @@ class Catalogue:
         for key, name in zip(keys, names, strict=True):
             if key not in index:
                 index[key] = len(words)
-                words.append(key if name in words else name)
+                words.append(key if key != name and name in words else name)
         table = np.array([index[key] for key in keys], np.int64)
         self._seen[column] = keys
         self._tables.pop(column, None)

@@ -130,3 +130,16 @@ def test_matplotlib_is_imported_only_to_draw(monkeypatch):
     assert not drawing_problems("a.png")
     with pytest.raises(AssertionError, match="imported before"):
         figure_of([WITH_GAP])
+
+
+def test_what_hardly_changes_is_drawn_from_zero():
+    import matplotlib.pyplot as plt
+
+    steady = 0.6 + 1e-9 * np.arange(4.0)
+    for y, from_zero in ((steady, True), (steady + [0.0, 0.1, 0.0, 0.1], False)):
+        _, axes = plt.subplots()
+        chart = CurveChart("spread, m", "time, s", [ChartCurve("", np.arange(4.0), y)])
+        chart.draw(axes, THEMES["light"])
+        assert (axes.get_ylim()[0] == 0.0) == from_zero
+        assert axes.get_ylim()[1] > y.max()
+        plt.close()

@@ -60,7 +60,7 @@ class TestPrograms:
         found = self.geese("lakes")
         assert len(found) == 1
         assert "program 'lake-goose' names the place 'lake', which is not in this level" in found[0]
-        assert found[0].endswith("its triggers do not fire; did you mean 'lakes'?")
+        assert found[0].endswith("no animal is ever in it or near it; did you mean 'lakes'?")
 
     def test_a_change_of_brush_that_programs_hide_is_told(self):
         key = thing(4, "Key", 20, 20, extra={"point": True}, at=1.0, command="SwitchBrush", brush="march")
