@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import itertools
+import math
 from typing import Annotated, Literal, get_args
 
 from flockbrush.behaviours.spec import Finite, Line, Spec, Text, spec_field
@@ -25,6 +26,17 @@ class SpeedSpec(Spec):
         le=50,
     )
     reversion: float = spec_field(1.0, "rate at which speeds return to the mean (theta of eq. 6)", "1/s", gt=0, le=100)
+    individual: float = spec_field(
+        0.0, "how much animals differ for life: standard deviation of their usual speeds, as a share of the mean",
+        ge=0, le=1,
+    )  # fmt: skip
+    common: float = spec_field(
+        0.0, "what the animals of a neighbourhood do together: standard deviation of the usual speed in time", "BL/s",
+        ge=0, le=50,
+    )  # fmt: skip
+    common_time: float = spec_field(
+        3.0, "time for which a herd keeps being faster or slower than usual", "s", ge=0.1, le=1000
+    )
     stops: float = spec_field(0.0, "rate at which a walking animal stops; 0: never", "1/s", ge=0, le=20)
     starts: float = spec_field(0.0, "rate at which a standing animal starts to walk", "1/s", ge=0, le=20)
     imitation: float = spec_field(
@@ -34,6 +46,16 @@ class SpeedSpec(Spec):
     by_density: tuple[tuple[Annotated[Finite, Field(ge=0, le=100)], Annotated[Finite, Field(ge=0, le=10)]], ...] = (
         spec_field((), "pairs of density (animals per BL²) and speed factor, interpolated linearly", max_length=64)
     )
+
+    @property
+    def own_spread(self) -> float:
+        """Standard deviation of the speeds of one animal in time, without what the herd does, BL/s."""
+        return self.deviation / math.sqrt(2 * self.reversion)
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the speeds of a herd at all times, BL/s: own, between animals, and in common."""
+        return math.sqrt(self.own_spread**2 + (self.individual * self.mean) ** 2 + self.common**2)
 
     @model_validator(mode="after")
     def _densities_rise(self):

@@ -93,10 +93,15 @@ def lasting(times, wander_time: float) -> np.ndarray:
     if wander_time <= 0.0:
         return np.ones(times.shape)
     lag = np.linspace(0.0, 2.0, 201)
-    alike = 0.5 * (2.0 - lag) * np.cos(HALF_PI * lag) + np.sin(HALF_PI * lag) / np.pi  # correlation of the rate
     x = times[..., None] / wander_time
-    both = 2.0 * np.trapezoid(np.maximum(x - lag, 0.0) * alike, lag, axis=-1)
+    both = 2.0 * np.trapezoid(np.maximum(x - lag, 0.0) * half_waves_alike(lag), lag, axis=-1)
     return (np.pi / 4.0) ** 2 * both / x[..., 0]
+
+
+def half_waves_alike(lag) -> np.ndarray:
+    """Correlation of a sum of half waves with itself, each of 2, one begun in each unit of time; ``lag`` in units."""
+    lag = np.minimum(np.abs(lag), 2.0)
+    return 0.5 * (2.0 - lag) * np.cos(HALF_PI * lag) + np.sin(HALF_PI * lag) / np.pi
 
 
 def wander(scene, rows, p, direction):

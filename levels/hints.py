@@ -12,7 +12,7 @@ from flockbrush.engine.raster import Raster
 from flockbrush.levels import geometry
 from flockbrush.levels.properties import is_number
 from flockbrush.levels.terrain_kinds import Terrain
-from flockbrush.systems.navigation import goal_field, goal_mask
+from flockbrush.systems.navigation import navigation_of
 from flockbrush.systems.terrain import compose_blocked, steepest_within, steepness_of
 
 _ANYWHERE = 100.0  # slope that anybody who climbs anything walks on
@@ -259,5 +259,4 @@ def _costs(level, steep):
     solid = [o for o in level.obstacles if o.solid and o.on_the_ground]
     blocked = steep | compose_blocked(level.shape, level.cell, terrain.walkable, solid)
     height = level.height_map.sample(Raster(level.cell, blocked).centres())
-    mask = goal_mask(goal.xy, goal.radius, goal.polygon, level.shape, level.cell)
-    return goal_field(mask, terrain.cost, blocked, level.cell, height)[1]
+    return navigation_of([], [goal], blocked, terrain.cost, level.cell, height, level.boundary == "wrap").times[0]

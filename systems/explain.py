@@ -33,6 +33,7 @@ from flockbrush.systems.allocation import asked, drives_by_rows
 from flockbrush.systems.decide import Roles
 from flockbrush.systems.fauna import SpeciesList, kinds_of
 from flockbrush.systems.foresight import Ahead, SeeAhead, ShiftMigration
+from flockbrush.systems.grid import short_way
 from flockbrush.systems.ground import Underfoot
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed
@@ -122,9 +123,7 @@ def _surroundings(world, row):
     """A world of one animal, those it may see, and those they may see, and predators, after what perceives."""
     agents, land = world.agents, world.resource(Landscape)
     xy = agents[Position.xyz][:, :2]
-    away = xy - xy[row]
-    if land.wrap is not None:
-        away -= np.round(away / land.wrap) * land.wrap
+    away = short_way(xy - xy[row], land.wrap)
     palette = world.resource(Palette)
     sight = float((palette.view_range.max() * agents[Body.length].max()) if len(palette) else 0.0)
     size = float((agents[Body.axis] + agents[Body.radius]).max())

@@ -31,6 +31,7 @@ from flockbrush.components.formation import FormationPlace, Lost
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.noise import Noise
+from flockbrush.systems.grid import short_way
 from flockbrush.systems.gusts import blow
 from flockbrush.systems.initiation import Flying, Following, decide, fitting, target_of, usual
 from flockbrush.systems.landscape import Landscape
@@ -86,12 +87,7 @@ def _keep_all(world, rows, p):
 
 def _apart(xy, wrap):
     """(n, n) m between birds."""
-    return np.sqrt((_shortest(xy[:, None] - xy[None], wrap) ** 2).sum(axis=2))
-
-
-def _shortest(away, wrap):
-    """(..., 2) m: the same way, on a map without edges the shortest."""
-    return away if wrap is None else away - np.array(wrap) * np.floor(away / np.array(wrap) + 0.5)
+    return np.sqrt((short_way(xy[:, None] - xy[None], wrap) ** 2).sum(axis=2))
 
 
 def _keep(world, rows, met, p, sees, leads, variant):
@@ -212,7 +208,7 @@ def _reckon(agents, rows, turn, dt, land):
             bound = target[i]
         elif kind[i] == POINT or goal[i] >= 0:
             there = target[i] if kind[i] == POINT else np.array(land.goals[goal[i]].xy)
-            bound = _shortest(there - place[i], land.wrap)
+            bound = short_way(there - place[i], land.wrap)
         if bound.any():
             sine, cosine = sincos_(min(max(_bearing(bound, way), -turn), turn))  # clockwise
             way = np.array([cosine * way[0] + sine * way[1], cosine * way[1] - sine * way[0]])
@@ -241,7 +237,7 @@ def _after_the_lost(agents, rows, leader, wrap):
         return 0.0, 0.0
     row = rows[misses[np.argmin(agents[Lost.ticks][rows[misses]])]]
     return (
-        _shortest(agents[Lost.place][row] - agents[Position.xyz][rows[leader], :2], wrap)
+        short_way(agents[Lost.place][row] - agents[Position.xyz][rows[leader], :2], wrap)
         + agents[Lost.velocity][row] * AFTER
     )
 
@@ -265,7 +261,7 @@ def _change_leader(leader, reference, arm, place):
 
 def _in_frame(xy, origin, ahead, wrap):
     """(to the right, ahead) of the leader, m."""
-    away = _shortest(xy - origin, wrap)
+    away = short_way(xy - origin, wrap)
     return (
         np.ascontiguousarray(away[:, 0] * ahead[1] - away[:, 1] * ahead[0]),
         np.ascontiguousarray(away[:, 0] * ahead[0] + away[:, 1] * ahead[1]),

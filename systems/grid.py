@@ -46,6 +46,14 @@ class Cells(NamedTuple):
         return self.x, self.y
 
 
+def short_way(offset, wrap):
+    """Offsets (..., 2) m on a map ``wrap`` (2,) m that goes on at the opposite border, over it where that is shorter.
+
+    ``wrap`` None: the map ends there.
+    """
+    return offset if wrap is None else offset - np.multiply(wrap, np.floor(offset / np.array(wrap) + 0.5))
+
+
 def sort_into_cells(xyz, forward, length, radius, reach, wrap=None, rows=None):
     """Sort a herd into cells.
 

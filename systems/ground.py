@@ -64,7 +64,8 @@ class Underfoot(System):
         over_rows(underfoot, n, xyz, land.cell, land.surface, land.brush, land.heights, footing)
         steepest = world.resource(SpeciesList).table.steepest
         ways = land.ways_for(steepest, agents[Species.index], agents[Destination.goal])
-        over_rows(follow, n, xyz, ways, land.navigation.cell, land.navigation.fields, agents[Ground.guidance])
+        way = land.navigation
+        over_rows(follow, n, xyz, ways, way.cell, way.fields, way.wrap, agents[Ground.guidance])
         arrive(world)
         b = BrushBinding
         animals = Bindable(

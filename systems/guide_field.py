@@ -10,7 +10,7 @@ from numba import njit
 FADED = 5.0  # decay lengths after which a guide is forgotten: exp(-5) is less than 1/100
 
 
-def guide_field(guides, shape, cell, blocked=None):
+def guide_field(guides, shape, cell, blocked=None, images=((0.0, 0.0),)):
     """What the guides say in every cell, as if nobody minded walls.
 
     A cell that guides cross takes the mean direction of the pieces inside, weighted by length and strength
@@ -31,6 +31,8 @@ def guide_field(guides, shape, cell, blocked=None):
         Size of a cell, m.
     blocked : ndarray, (ny, nx) bool, optional
         Where guides do not spread.  The part of a guide that runs inside an obstacle says nothing.
+    images : array_like (k, 2)
+        Metres by which guides are moved: each is at all of these places.
 
     Returns
     -------
@@ -46,8 +48,12 @@ def guide_field(guides, shape, cell, blocked=None):
     slowness = np.ones((ny, nx)) if blocked is None else np.where(blocked, np.inf, 1.0)
     total = np.zeros((ny, nx, 4))  # weighted direction east, north; weight; strongest reach
     crossed = np.zeros((ny, nx, 4))
+    images = np.asarray(images, float) / cell
     for points, strength, radius, decay in _in_order(guides, cell):
-        inside, seeds = trace_(points, ny, nx)
+        inside, seeds = trace_(points + images[0], ny, nx)
+        for image in images[1:]:
+            more, nearer = trace_(points + image, ny, nx)
+            inside, seeds = inside + more, np.minimum(seeds, nearer)
         distance, order = march_(seeds, slowness, radius + FADED * decay, EVERYWHERE)
         direction = spread_(mean_(inside), seeds, distance, order)
         add_guide_(total, direction, distance, order, strength, radius, decay)

@@ -364,10 +364,10 @@ class Landscape:
             height = height.reshape(blocked.shape)
             steep = steepest_within(self.steepness, self.relief_cell, blocked.shape, self.cell)
         closed = [blocked] if height is None else [blocked | (steep > limit) for limit in self.slope_limits]
-        parts = [navigation_of(guides, goals, where, cost, self.cell, height=height) for where in closed]
-        return parts[0] if len(parts) == 1 else Navigation(self.cell, *(np.concatenate(part) for part in zip(
-            *((one.fields, one.times) for one in parts), strict=True
-        )))  # fmt: skip
+        wrap = self.wrap is not None
+        parts = [navigation_of(guides, goals, where, cost, self.cell, height, wrap) for where in closed]
+        fields, times = (np.concatenate([getattr(part, name) for part in parts]) for name in ("fields", "times"))
+        return Navigation(self.cell, fields, times, wrap)
 
     def _inputs(self):
         """What the navigation field is made of: (barriers, guides and goals as JSON, painted ground)."""

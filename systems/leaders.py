@@ -25,6 +25,7 @@ from flockbrush.engine.noise import Noise, uniform_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.fauna import SpeciesList, by_medium
 from flockbrush.systems.flight import MAX_ACCELERATION
+from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.selection import OfAnimals, check_circle
@@ -150,8 +151,7 @@ def _limits(world, rows):
 def _way_to(world, rows):
     """(k, 2) m from each of these to the place where it is sent, across a seam if that is shorter."""
     agents, wrap = world.agents, world.resource(Landscape).wrap
-    way = agents[Leading.target][rows] - agents[Position.xyz][rows, :2]
-    return way if wrap is None else way - wrap * np.floor(way / wrap + 0.5)
+    return short_way(agents[Leading.target][rows] - agents[Position.xyz][rows, :2], wrap)
 
 
 def where_sent(world, scene, rows, rise, wished):

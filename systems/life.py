@@ -127,7 +127,7 @@ class Live(System):
         for k, goal in enumerate(land.goals):
             if goal.on_arrive == "stay":
                 continue
-            arrived = (was == k) & in_goal(goal, xyz)
+            arrived = (was == k) & in_goal(goal, xyz, land.wrap)
             if goal.on_arrive == "despawn":
                 leaves |= arrived
             elif goal.on_arrive == "next":

@@ -8,6 +8,7 @@ import numpy as np
 from flockbrush.behaviours.trigger import Happening
 from flockbrush.components import Position, Velocity
 from flockbrush.engine.clock import Clock
+from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.spawning import inside_polygon
 
@@ -19,7 +20,7 @@ def in_region(name, xyz, land):
         inside |= inside_polygon(xyz, polygon)
     for goal in land.goals:
         if goal.name == name:
-            inside |= in_goal(goal, xyz)
+            inside |= in_goal(goal, xyz, land.wrap)
     return inside
 
 
@@ -52,9 +53,10 @@ def entered(world):
     return happened
 
 
-def in_goal(goal, xyz):
-    """(n,) bool, who stands in a goal."""
+def in_goal(goal, xyz, wrap=None):
+    """(n,) bool, who stands in a goal, on a map that ends at its borders or has a size ``wrap`` and goes on there."""
     if goal.polygon is not None:
-        return inside_polygon(xyz, goal.polygon)
-    off = xyz[:, :2] - goal.xy
+        images = [(0.0, 0.0)] if wrap is None else [(i * wrap[0], k * wrap[1]) for i in (0, -1, 1) for k in (0, -1, 1)]
+        return np.any([inside_polygon(xyz, goal.polygon + np.array(image)) for image in images], axis=0)
+    off = short_way(xyz[:, :2] - goal.xy, wrap)
     return off[:, 0] ** 2 + off[:, 1] ** 2 <= goal.radius**2

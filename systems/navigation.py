@@ -40,6 +40,8 @@ from flockbrush.systems.terrain import rasterise_polygon
 from flockbrush.systems.walls import around_obstacles, keep_out_, point_out_
 from numba import njit
 
+HERE = np.zeros((1, 2))  # m: a map that does not go on is where it is
+ORDER = 0, -1, 1  # the map itself first
 ASIDE = 2.0  # cells from obstacles at which guides begin to turn aside
 
 # Navigation: what the rest of the house uses -------------------------------------------------------------------
@@ -56,6 +58,7 @@ class Navigation:
     fields: np.ndarray
     # (limits * goals, ny, nx); least cost to the goal, metres of plain ground; infinite where no way leads there
     times: np.ndarray
+    wrap: bool = False  # the map goes on at the opposite border
 
     @property
     def guidance(self):
@@ -68,7 +71,7 @@ class Navigation:
         Parameters
         ----------
         xy : array_like, (n, 2)
-            Metres.  Outside of the map the nearest point of the map counts.
+            Metres.  Outside of the map the nearest point of the map counts, or that of the map that goes on there.
         goal : int or array_like of int, (n,)
             Which goal each animal is bound to, -1 for none; ``1 + goals`` more for each slope limit before its own.
 
@@ -81,12 +84,14 @@ class Navigation:
         if len(goal) and not -1 <= goal.min() <= goal.max() < len(self.fields) - 1:
             raise ValueError(f"a goal is -1 to {len(self.fields) - 2} here, got {goal.min()} to {goal.max()}")
         out = np.empty((len(xy), 2))
-        over_rows(follow, len(xy), xy, goal, self.cell, self.fields, out)
+        over_rows(follow, len(xy), xy, goal, self.cell, self.fields, self.wrap, out)
         return out
 
 
-def navigation_of(guides, goals, blocked, cost=None, cell=1.0, height=None):
+def navigation_of(guides, goals, blocked, cost=None, cell=1.0, height=None, wrap=False):
     """The navigation fields of a level.
+
+    Where the map goes on at the opposite border, guides and ways lead over it (`Around`).
 
     Parameters
     ----------
@@ -104,17 +109,21 @@ def navigation_of(guides, goals, blocked, cost=None, cell=1.0, height=None):
         Size of a grid cell, m.
     height : ndarray, (ny, nx), optional
         Of the ground, m; flat by default.
+    wrap : bool
 
     Returns
     -------
     Navigation
     """
     blocked, cost = _ground(blocked, cost)
-    known = {}
+    around = Around(blocked.shape, cell) if wrap else None
+    if around is not None:
+        blocked, cost, height = around.more(blocked), around.more(cost), None if height is None else around.more(height)
+    images, known = around.images if around else HERE, {}
 
     def guidance(chosen):
         if chosen not in known:
-            field = guide_field([guides[i] for i in chosen], blocked.shape, cell, blocked)
+            field = guide_field([guides[i] for i in chosen], blocked.shape, cell, blocked, images)
             known[chosen] = around_obstacles(field, blocked, ASIDE)
         return known[chosen]
 
@@ -122,51 +131,88 @@ def navigation_of(guides, goals, blocked, cost=None, cell=1.0, height=None):
     for goal in goals:
         name = getattr(goal, "name", None)
         theirs = tuple(i for i, guide in enumerate(guides) if getattr(guide, "goal", "") in ("", None, name))
-        direction, time = goal_field(_mask_of(goal, blocked.shape, cell), cost, blocked, cell, height)
+        if isinstance(goal, np.ndarray):
+            mask = around.more(goal) if around else goal
+        else:
+            mask = goal_mask(goal.xy, goal.radius, goal.polygon, blocked.shape, cell, images)
+        direction, time = goal_field(mask, cost, blocked, cell, height)
         fields.append(blend(guidance(theirs), direction, blocked))
         times.append(time)
     for field in fields:
         point_out_(field, blocked)
-    return Navigation(float(cell), np.array(fields), np.array(times).reshape(-1, *blocked.shape))
+    found = np.array(fields), np.array(times).reshape(-1, *blocked.shape)
+    return Navigation(float(cell), *(found if around is None else map(around.middle, found)), wrap)
+
+
+class Around:
+    """A map that goes on at the opposite border, with all of it again on each side: ways may wind that far.
+
+    Parameters
+    ----------
+    shape : (ny, nx)
+    cell : float
+        Size of a cell, m.
+    """
+
+    def __init__(self, shape, cell):
+        self._shape = ny, nx = shape
+        # (9, 2) m: where the map lies in the larger one, and its neighbours
+        self.images = np.array([(nx * (1 + i), ny * (1 + k)) for k in ORDER for i in ORDER], float) * cell
+
+    def more(self, values):
+        """The grid (ny, nx), larger."""
+        return np.tile(values, (3, 3))
+
+    def middle(self, values):
+        """The map itself out of larger grids (k, 3 ny, 3 nx, ...)."""
+        ny, nx = self._shape
+        return np.ascontiguousarray(values[:, ny : 2 * ny, nx : 2 * nx])
 
 
 @njit(cache=True, nogil=True)
-def follow(lo, hi, xy, goal, cell, fields, out):
+def follow(lo, hi, xy, goal, cell, fields, wrap, out):
     """Write to ``out[lo:hi]`` (n, 2) what animals bound to ``goal`` (n,) feel at ``xy`` (n, 2 or more) m."""
     ny, nx = fields.shape[1], fields.shape[2]
     for i in range(lo, hi):
         field = fields[goal[i] + 1]
-        x = min(max(xy[i, 0] / cell - 0.5, 0.0), nx - 1.0)
-        y = min(max(xy[i, 1] / cell - 0.5, 0.0), ny - 1.0)
-        ix, iy = int(x), int(y)
-        jx, jy = min(ix + 1, nx - 1), min(iy + 1, ny - 1)
+        x, y = xy[i, 0] / cell - 0.5, xy[i, 1] / cell - 0.5
+        if not wrap:
+            x, y = min(max(x, 0.0), nx - 1.0), min(max(y, 0.0), ny - 1.0)
+        ix, iy = int(np.floor(x)), int(np.floor(y))
         a, b = x - ix, y - iy
+        if wrap:
+            ix, iy = ix % nx, iy % ny
+            jx, jy = (ix + 1) % nx, (iy + 1) % ny
+        else:
+            jx, jy = min(ix + 1, nx - 1), min(iy + 1, ny - 1)
         for k in range(2):
             south = field[iy, ix, k] * (1.0 - a) + field[iy, jx, k] * a
             north = field[jy, ix, k] * (1.0 - a) + field[jy, jx, k] * a
             out[i, k] = south * (1.0 - b) + north * b
 
 
-# Guides --------------------------------------------------------------------------------------------------------
-
-
 # Goals ---------------------------------------------------------------------------------------------------------
 
 
-def goal_mask(xy, radius, polygon, shape, cell):
+def goal_mask(xy, radius, polygon, shape, cell, images=HERE):
     """(ny, nx) bool, the cells of a goal: centres inside the polygon or, without one, the disc about ``xy``, m.
 
-    A goal smaller than a cell is the cell that it lies in; one outside of the map has no cell.
+    A goal smaller than a cell is the cell that it lies in; one outside of the map has no cell.  The goal is once at
+    each of the ``images`` (k, 2), m, by which it is moved.
     """
     ny, nx = shape
-    if polygon is not None and len(polygon) > 2:
-        mask = rasterise_polygon(polygon, shape, cell)
-    else:
-        x, y = (np.arange(nx) + 0.5) * cell - xy[0], (np.arange(ny) + 0.5) * cell - xy[1]
-        mask = x * x + (y * y)[:, None] <= radius * radius
-    if not mask.any() and 0 <= xy[0] < nx * cell and 0 <= xy[1] < ny * cell:
-        mask[min(int(xy[1] / cell), ny - 1), min(int(xy[0] / cell), nx - 1)] = True
-    return mask
+    found = np.zeros(shape, bool)
+    for image in images:
+        x, y = xy[0] + image[0], xy[1] + image[1]
+        if polygon is not None and len(polygon) > 2:
+            mask = rasterise_polygon(np.asarray(polygon, float) + image, shape, cell)
+        else:
+            east, north = (np.arange(nx) + 0.5) * cell - x, (np.arange(ny) + 0.5) * cell - y
+            mask = east * east + (north * north)[:, None] <= radius * radius
+        if not mask.any() and 0 <= x < nx * cell and 0 <= y < ny * cell:
+            mask[min(int(y / cell), ny - 1), min(int(x / cell), nx - 1)] = True
+        found |= mask
+    return found
 
 
 def goal_field(goal, cost, blocked, cell, height=None):
@@ -302,9 +348,3 @@ def _ground(blocked, cost):
     if not (cost[~blocked] > 0).all():
         raise ValueError("a cost must be more than 0: ways over ground that costs nothing are not defined")
     return blocked, cost
-
-
-def _mask_of(goal, shape, cell):
-    if isinstance(goal, np.ndarray):
-        return goal
-    return goal_mask(goal.xy, goal.radius, goal.polygon, shape, cell)

@@ -5,9 +5,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.components import Body, BrushBinding, Ground, Heading, Individual, Species, Speed, Urge, Wish
+from flockbrush.components import (
+    Body,
+    BrushBinding,
+    Ground,
+    Heading,
+    Individual,
+    Position,
+    Species,
+    Speed,
+    Urge,
+    Wish,
+)
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.noise import Noise, normal_, uniform_
+from flockbrush.engine.maths import kernel_function, sincos_
+from flockbrush.engine.noise import Noise, key_, normal_, uniform_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.fauna import SpeciesList, by_medium
@@ -19,6 +31,12 @@ from numba import njit
 COMPANY = 4.0  # body lengths within which neighbours are imitated
 CRAWL = 0.02  # of the mean: who walks is never slower, since 0 is to stand
 GATHER = 0.4  # s in which an animal takes up a new effort.  By eye
+# over the ground, of what a herd does together: places 30 body lengths apart are half alike, 60 hardly at all
+WAVES = np.array([  # rad/BL
+    (0.0383, 0.0000), (-0.0620, 0.0568), (0.0011, -0.0128), (0.0331, 0.0432),
+    (-0.0304, -0.0054), (0.0551, -0.0351), (-0.0060, 0.0222), (-0.0212, -0.0408),
+])  # fmt: skip
+HALF_PI = 0.5 * np.pi
 
 
 class Pace(System):
@@ -26,7 +44,8 @@ class Pace(System):
 
     stage = Stage.SPEED
     reads = (
-        Body, BrushBinding, Ground, Heading, Wish, Near, Palette, Clock, Noise, Individual, Species, SpeciesList,
+        Position, Body, BrushBinding, Ground, Heading, Wish, Near, Palette, Clock, Noise, Individual, Species,
+        SpeciesList,
     )  # fmt: skip
     writes = (Speed, Urge)
 
@@ -41,14 +60,14 @@ class Pace(System):
         was = agents[Speed.drawn].copy() if palette.pauses else None
         walkers = Walkers(
             free, agents.ids, agents[Body.length], agents[BrushBinding.brush], density,
-            agents[Ground.factor], agents[Ground.cap], agents[Ground.slope], agents[Heading.forward],
-            agents[Wish.pace], agents[Individual.pace],
+            agents[Ground.factor], agents[Ground.cap], agents[Ground.slope], agents[Position.xyz],
+            agents[Heading.forward], agents[Wish.pace], agents[Individual.pace],
             *by_medium(table, agents[Species.index], aloft, table.speed, table.acceleration),
             agents[Urge.share], agents[Urge.speed],
         )  # fmt: skip
         rules = PaceRules(*(getattr(palette, name) for name in PaceRules._fields))
         state = PaceState(*(agents[field] for field in (Urge.driven, Speed.drawn, Speed.effort, Speed.target)))
-        over_rows(_pace, n, walkers, rules, world.resource(Noise).key("speed", clock.tick), clock.dt, state)
+        over_rows(_pace, n, walkers, rules, speed_chance(world.resource(Noise), clock.tick, clock.dt), clock.dt, state)
         if was is None:
             return
         walking = np.full(n, -1.0)
@@ -68,6 +87,7 @@ class Walkers(NamedTuple):
     factor: np.ndarray  # of the ground
     cap: np.ndarray  # m/s
     slope: np.ndarray  # (n, 2)
+    place: np.ndarray  # (n, 3) m
     forward: np.ndarray  # (n, 3)
     wanted: np.ndarray  # effort that the model wishes
     own: np.ndarray  # factor of the individual
@@ -83,6 +103,9 @@ class PaceRules(NamedTuple):
     mean: np.ndarray
     deviation: np.ndarray
     reversion: np.ndarray
+    individual: np.ndarray
+    common: np.ndarray
+    common_time: np.ndarray
     density_first: np.ndarray
     density_table: np.ndarray
     stops: np.ndarray
@@ -97,6 +120,20 @@ class PaceState(NamedTuple):
     drawn: np.ndarray  # m/s
     effort: np.ndarray
     target: np.ndarray  # m/s
+
+
+class SpeedChance(NamedTuple):
+    """What the speeds of a tick are drawn with."""
+
+    own: np.uint64  # key of each animal's own noise in this tick
+    life: np.uint64  # key of how animals differ, the same in all ticks
+    herd: np.uint64  # stream of what they do together
+    time: float  # s since the start of the run
+
+
+def speed_chance(noise: Noise, tick: int, dt: float) -> SpeedChance:
+    """That of one tick of ``dt`` s."""
+    return SpeedChance(noise.key("speed", tick), noise.key("usual speed", 0), noise.stream("common speed"), tick * dt)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -120,16 +157,23 @@ def crowding(lo, hi, cells, length, density):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pace(lo, hi, walkers, rules, key, dt, state):
-    free, ids, length, brush, density, factor, cap, slope, forward, wanted, own, top, most, share, wished = walkers
-    mean, deviation, reversion, first, table, _, _, _ = rules
+def _pace(lo, hi, walkers, rules, chance, dt, state):
+    free, ids, length, brush, density, factor, cap, slope, place, forward, wanted, own = walkers[:12]
+    top, most, share, wished = walkers[12:]
+    mean, deviation, reversion, individual, common, common_time, first, table, _, _, _ = rules
     driven, drawn, effort, target = state
     root = np.sqrt(dt)
     for i in range(lo, hi):
         b = brush[i]
         v = drawn[i]
-        back = -reversion[b] * (v - own[i] * mean[b] * length[i]) * dt
-        v += back + deviation[b] * length[i] * root * normal_(key, ids[i], np.int64(0))
+        usual = own[i] * mean[b]
+        if individual[b] > 0.0:
+            usual *= max(1.0 + individual[b] * normal_(chance.life, ids[i], np.int64(0)), 0.0)
+        if common[b] > 0.0:
+            x, y = place[i, 0] / length[i], place[i, 1] / length[i]
+            usual = max(usual + common[b] * in_common_(x, y, chance.time / common_time[b], chance.herd, b), 0.0)
+        back = -reversion[b] * (v - usual * length[i]) * dt
+        v += back + deviation[b] * length[i] * root * normal_(chance.own, ids[i], np.int64(0))
         drawn[i] = max(v, 0.0)  # eq. 6, no walking backwards
         ease = _look_up(table, first[b], first[b + 1], density[i])
         rise = slope[i, 0] * forward[i, 0] + slope[i, 1] * forward[i, 1]
@@ -149,6 +193,25 @@ def _pace(lo, hi, walkers, rules, key, dt, state):
             continue
         effort[i] += (wanted[i] - effort[i]) * min(dt / GATHER, 1.0)
         target[i] = min(drawn[i] * ease * mud * effort[i], top[i], cap[i])
+
+
+@kernel_function
+def in_common_(x, y, time, stream, brush):
+    """A nearly normal number of a brush, of variance 1, that is alike at near places and times.
+
+    ``time`` is in units of how long it lasts.
+    In time it is a sum of half waves, as random turns are (`flockbrush.behaviours.wander`), over the ground a sum of
+    waves whose phases are drawn anew for each of those.
+    """
+    begun = np.floor(time)
+    falling, rising = sincos_(HALF_PI * (1.0 - (time - begun)))
+    total = 0.0
+    for j in range(2):
+        key, weight = key_(stream, np.int64(begun) + j), falling if j == 0 else rising
+        for k in range(len(WAVES)):
+            phase = 2.0 * np.pi * uniform_(key, np.int64(k), np.int64(brush))
+            total += weight * sincos_(WAVES[k, 0] * x + WAVES[k, 1] * y + phase)[0]
+    return total * np.sqrt(2.0 / len(WAVES))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

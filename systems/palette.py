@@ -190,6 +190,9 @@ class Palette:
         self.mean = column(lambda b: b.speed.mean)  # body lengths / s
         self.deviation = column(lambda b: b.speed.deviation)  # body lengths / s
         self.reversion = column(lambda b: b.speed.reversion)  # 1/s
+        self.individual = column(lambda b: b.speed.individual)
+        self.common = column(lambda b: b.speed.common)  # body lengths / s
+        self.common_time = column(lambda b: b.speed.common_time)  # s
         self.stops = column(lambda b: b.speed.stops)  # 1/s
         self.starts = column(lambda b: b.speed.starts)  # 1/s
         self.imitation = column(lambda b: b.speed.imitation)

@@ -114,8 +114,7 @@ def _row_by_row(xy):
 
 def _speeds(asset, pace, chance):
     """Body lengths a second, (n,): from the spread of the brush, by a standard normal number for each."""
-    spread = asset.speed.deviation / np.sqrt(2 * asset.speed.reversion)
-    return np.maximum(pace * asset.speed.mean + spread * chance, 0.0)
+    return np.maximum(pace * asset.speed.mean + asset.speed.spread * chance, 0.0)
 
 
 def _heights(land, xy):

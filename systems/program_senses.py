@@ -21,6 +21,7 @@ from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import Noise, key_, uniform_
 from flockbrush.systems.far_sight import Eyes, count_far, sees_place
 from flockbrush.systems.fauna import SOLITARY, SpeciesList
+from flockbrush.systems.grid import short_way
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.named_regions import in_goal, in_region, middle_of_region
@@ -140,7 +141,7 @@ class WorldSenses:
         bound = self._agents[Destination.goal]
         for k, goal in enumerate(self._land.goals):
             if goal.name == name or not name:
-                arrived |= in_goal(goal, self.xyz) & ((bound == k) | bool(name))
+                arrived |= in_goal(goal, self.xyz, self._land.wrap) & ((bound == k) | bool(name))
         return arrived
 
     def away(self, place):
@@ -151,10 +152,7 @@ class WorldSenses:
         middle = middle_of_region(place, self._land)
         if middle is None:
             return np.full(len(self.ids), np.inf)
-        off = self.xyz[:, :2] - middle
-        if self._land.wrap is not None:
-            off -= self._land.wrap * np.floor(off / self._land.wrap + 0.5)
-        return np.sqrt((off**2).sum(1))
+        return np.sqrt((short_way(self.xyz[:, :2] - middle, self._land.wrap) ** 2).sum(1))
 
     def height(self):
         """(n,) m above the ground."""

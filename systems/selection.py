@@ -6,6 +6,7 @@ import numpy as np
 from flockbrush.components import Position, Species
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import can_do, cannot, cannot_follow
+from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
@@ -92,9 +93,7 @@ def selected(world, x, y, radius, species):
     xyz = world.agents[Position.xyz]
     chosen = np.ones(len(xyz), bool)
     if radius > 0:
-        away, wrap = xyz[:, :2] - (x, y), world.resource(Landscape).wrap
-        if wrap is not None:
-            away -= np.round(away / wrap) * wrap
+        away = short_way(xyz[:, :2] - (x, y), world.resource(Landscape).wrap)
         chosen &= (away**2).sum(1) <= radius**2
     if species:
         check_species(world, species)

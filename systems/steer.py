@@ -45,6 +45,7 @@ from flockbrush.systems.allocation import (
 )
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.foresight import Ahead
+from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.noticing import Noticed
 from flockbrush.systems.palette import Palette
@@ -213,7 +214,7 @@ def scene_of(world, lists=True):
         obstacles.offset,
         agents[Ground.guidance],
         agents[Ground.slope],
-        _nearest_image(agents[Memory.herd] - xyz[:, :2], world.resource(Landscape).wrap),
+        short_way(agents[Memory.herd] - xyz[:, :2], world.resource(Landscape).wrap),
         agents[Memory.known],
         order,
         air,
@@ -274,16 +275,11 @@ def _air_of(world, xyz, near, lists):
             bound[heads] = POINT
         points = bound == POINT
         target[points] -= xyz[points]
-        target[points, :2] = _nearest_image(target[points, :2], land.wrap)
+        target[points, :2] = short_way(target[points, :2], land.wrap)
     return (
         *(world.resource(SightInSpace).lists if lists else NOT_MADE), agents[Airborne.up], ahead.hit, ahead.aim,
         ahead.gap, ahead.normal, ahead.height, bound, target, *dangers_of(world),
     )  # fmt: skip
-
-
-def _nearest_image(offset, wrap):
-    """Offsets on a periodic map the short way, across the seam where that is shorter."""
-    return offset if wrap is None else offset - wrap * np.floor(offset / wrap + 0.5)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

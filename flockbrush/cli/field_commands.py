@@ -75,6 +75,8 @@ def _tell(out, preview, evidence, seconds, as_json):
         "speed_bl_s": speed.mean if speed else None,
         "speed_deviation_bl_s": speed.deviation if speed else None,
         "speed_reversion_1_s": speed.reversion if speed else None,
+        "speed_individual_bl_s": speed.individual if speed else None,
+        "speed_common_bl_s": speed.common if speed else None,
         "seconds_a_frame": seconds / len(fields),
         "notes": evidence.notes,
         "files": [str(path) for path in (out, preview) if path is not None],

@@ -312,7 +312,9 @@ class Evidence:
         sightings = self.sightings.part(chosen) if self.sightings is not None else None
         speed = None
         if self.speed and len(fields_part) > 1:
-            speed = speed_evidence(fields_part, sightings, self.speed.body_pixels, self.speed.smoothed)
+            speed = speed_evidence(
+                fields_part, sightings, self.speed.body_pixels, self.speed.smoothed, self.speed.errors
+            )
         camera = self.camera[chosen] if self.camera is not None else None
         return replace(
             self, fields=fields_part, sightings=sightings, speed=speed, camera=camera, notes=list(self.notes)

@@ -29,13 +29,19 @@ SIGHTS = 50  # speeds of single animals, below which those of pixels are taken
 class SpeedEvidence:
     """Speeds of single animals, BL/s."""
 
-    # mean, deviation: BL/s, over animals and time: of animals that are followed where there are any, else of pixels as
-    # in the paper. (The spread of speeds, and not the strength of chance in eq. 6, which is ``deviation * sqrt(2 *
+    # mean, deviation: BL/s: of animals that are followed where there are any, each in time, else of pixels as in the
+    # paper. (The spread of speeds, and not the strength of chance in eq. 6, which is ``deviation * sqrt(2 *
     # reversion)``.)
     mean: float
     deviation: float
     # rate at which a speed returns to the mean (the Ornstein-Uhlenbeck rate), 1/s; None where the clip does not say
     reversion: float | None = None
+    likely: float = 1.0  # 1/s, what is taken for it where the clip does not say
+    # individual, common: BL/s, standard deviations of the usual speeds of animals, and of that of the herd in time;
+    # common_time: s for which that lasts
+    individual: float = 0.0
+    common: float = 0.0
+    common_time: float = 3.0
     # list of (float, float); (others a BL² within two body lengths, speed there over the mean), rising in density: the
     # crowding by which it is looked up again (`flockbrush.systems.pace.crowding`). Its mean over the animals of the
     # clip is 1.
@@ -49,6 +55,8 @@ class SpeedEvidence:
     body_pixels: float = 1.0  # pixels of one animal in the reference picture (N_bp)
     pixel_deviation: float = float("nan")  # of the speeds of pixels, before the correction by sqrt(N_bp), BL/s
     smoothed: float = SMOOTHED  # s over which the speeds of single animals are averages
+    # covariances of the errors of those so many frames apart, BL²/s²; empty if unknown
+    errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def scaled(self, by: float) -> SpeedEvidence:
         """The same in a unit of length that is so many times shorter."""
@@ -56,8 +64,11 @@ class SpeedEvidence:
             self,
             mean=self.mean * by,
             deviation=self.deviation * by,
+            individual=self.individual * by,
+            common=self.common * by,
             pixel_deviation=self.pixel_deviation * by,
             by_density=[(density / by**2, factor) for density, factor in self.by_density],
+            errors=self.errors * by**2,
         )
 
     @staticmethod
@@ -67,7 +78,7 @@ class SpeedEvidence:
         return SpeedEvidence(**arrays, by_density=[(float(a), float(b)) for a, b in table])
 
 
-def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED) -> SpeedEvidence | None:
+def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED, errors=()) -> SpeedEvidence | None:
     """The speeds of a clip from its fields, and from single animals where there are some.
 
     Parameters
@@ -76,6 +87,8 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED) -
         N_bp.
     smoothed : float
         s over which the speeds of the sightings are averages.
+    errors : (k,) array_like
+        Covariances of the errors of their speeds (see `flockbrush.film.speed_process`); empty if unknown.
 
     Returns
     -------
@@ -93,12 +106,15 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED) -
     pauses = None if sightings is None else pauses_of(sightings, fields.fps)
     if pauses is not None:
         sightings = replace(sightings, speed=np.where(sightings.speed >= pauses.slow, sightings.speed, np.nan))
-    single = _of_animals(sightings, fields.fps, smoothed)
+    single = _of_animals(sightings, fields.fps, smoothed, errors)
     crowd = _crowd_of_fields(fields, occupied) if single is None else _crowd_of_animals(sightings)
     return SpeedEvidence(
         mean=mean if single is None else float(single.mean),
         deviation=float(pixel_deviation / np.sqrt(body_pixels)) if single is None else float(single.spread),
         reversion=None if single is None else single.reversion,
+        **(
+            {} if single is None else {k: getattr(single, k) for k in ("likely", "individual", "common", "common_time")}
+        ),
         by_density=table_of(*crowd),
         weight=float(crowd[2].sum()),
         **(
@@ -109,14 +125,15 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED) -
         body_pixels=float(body_pixels),
         pixel_deviation=pixel_deviation,
         smoothed=float(smoothed),
+        errors=np.asarray(errors, float),
     )
 
 
-def _of_animals(sightings, fps, smoothed):
+def _of_animals(sightings, fps, smoothed, errors):
     """The process of the speeds of single animals, None where too few are followed."""
     if sightings is None or np.isfinite(sightings.speed).sum() < SIGHTS:
         return None
-    return speed_process(sightings, fps, smoothed)
+    return speed_process(sightings, fps, smoothed, errors)
 
 
 # how crowded it is -----------------------------------------------------------------------

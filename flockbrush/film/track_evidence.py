@@ -21,7 +21,6 @@ from flockbrush.film.cell_statistics import cell_statistics
 from flockbrush.film.missing_animals import missing_places, neighbours_seen
 from flockbrush.film.observations import CannotObserve, Evidence, Fields, Sightings
 from flockbrush.film.several_kinds import speeds_told
-from flockbrush.film.speed_process import SMOOTHED
 from flockbrush.film.speeds import speed_evidence
 from flockbrush.film.track_files import Trajectories
 from flockbrush.film.tracks import Tracks, central_differences, smoothed
@@ -81,7 +80,7 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> E
     missing = _missing_places(tracks, pieces, motion, length)
     sightings, velocity = _sightings(pieces, motion, neighbours_seen(motion.xy, missing))
     fields = _fields(tracks, missing, sightings, velocity, grid)
-    speed = speed_evidence(fields, sightings, math.nan, motion.window)
+    speed = speed_evidence(fields, sightings, math.nan, motion.window, motion.errors)
     notes = [*tracks.notes, *_notes(tracks, pieces, motion, length), *speeds_told(sightings, tracks.fps)]
     evidence = Evidence(
         name=tracks.name, sha256=tracks.sha256, fps=tracks.fps, body_length_px=float(length), length_source="given",
@@ -148,6 +147,7 @@ class _Motion:
     place_noise: float
     heading_noise: float
     window: float  # s over which speeds are averages
+    errors: np.ndarray  # (k,) covariances of the errors of speeds so many frames apart, BL²/s²
     slow: float  # BL/s, below which directions of motion say nothing
     headless: np.ndarray  # (P,) bool: no heading was ever observed
 
@@ -163,10 +163,14 @@ class _Motion:
         apart = _wrapped(np.arctan2(other[..., 1], other[..., 0]) - np.arctan2(velocity[..., 1], velocity[..., 0]))
         fast = speed > slow
         turn = np.where(sure, central_differences(angle) * fps, np.nan)
-        window = max(SMOOTHED, 2.0 * paths.stiffness ** (1 / 6) / fps)
+        window = 2.0 * (paths.stiffness ** (1 / 6) + 1.0) / fps
+        wrong = ((other - velocity) * np.stack([np.cos(angle), np.sin(angle)], -1)).sum(-1)
+        lags = range(min(len(wrong), round(2 * window * fps)))
+        errors = np.nan_to_num([np.nanmean(wrong[: len(wrong) - k] * wrong[k:]) for k in lags])
         return cls(
             paths.px, velocity, angle, turn, paths.noise, _spread(off),
-            float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window), slow, ~sure.any(0),
+            float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window), errors, slow,
+            ~sure.any(0),
         )  # fmt: skip
 
 

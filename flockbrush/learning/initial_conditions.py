@@ -29,15 +29,19 @@ def speed_of(evidences: list[Evidence]) -> SpeedSpec:
         return SpeedSpec(mean=0.5, deviation=0.05)
     weight = np.array([len(e.fields) for e in evidences if e.speed is not None], float)
     mean = float(np.average([s.mean for s in known], weights=weight))
-    spread = float(np.sqrt(np.average(np.nan_to_num([s.deviation**2 for s in known]), weights=weight)))
-    rates = [s.reversion for s in known if s.reversion is not None]
-    reversion = float(np.clip(np.median(rates), 0.05, 50.0)) if rates else 1.0
+    own, between, common = (
+        float(np.average(np.nan_to_num([getattr(s, name) ** 2 for s in known]), weights=weight))
+        for name in ("deviation", "individual", "common")
+    )
+    rates = [s.reversion for s in known if s.reversion is not None] or [s.likely for s in known]
+    reversion = float(np.clip(np.median(rates), 0.05, 50.0))
     table = [(float(np.clip(a, 0, 100)), b) for a, b in joined(known)]
     factors = [factor for _, factor in table]
     uneven = len(table) > 1 and max(factors) - min(factors) > UNEVEN
-    if uneven:  # the table spreads speeds by itself: what is left is the process's own
-        own = (spread**2 - mean**2 * np.var(factors)) / np.mean(np.square(factors))
-        spread = float(np.sqrt(max(float(own), (LEAST_OWN * spread) ** 2)))
+    if uneven:  # the table spreads speeds by itself: what is left are differences of animals and the process's own
+        left = between - mean**2 * float(np.var(factors))
+        square = float(np.mean(np.square(factors)))
+        own, between = max(own + min(left, 0.0), LEAST_OWN**2 * own) / square, max(left, 0.0) / square
     pausing = [s for s in known if s.stops > 0]
     states = {}
     if 2 * len(pausing) > len(known):  # most clips show it
@@ -48,8 +52,11 @@ def speed_of(evidences: list[Evidence]) -> SpeedSpec:
     return SpeedSpec(
         **states,
         mean=float(np.clip(mean, 0, 100)),
-        deviation=float(np.clip(spread * np.sqrt(2 * reversion), 0, 50)),
+        deviation=float(np.clip(np.sqrt(2 * reversion * own), 0, 50)),
         reversion=reversion,
+        individual=float(np.clip(np.sqrt(between) / mean, 0, 1)) if mean > 0 else 0.0,
+        common=float(np.clip(np.sqrt(common), 0, 50)),
+        common_time=float(np.median([s.common_time for s in known if s.common > 0] or [known[0].common_time])),
         by_density=tuple(table) if uneven else (),
     )
 
@@ -69,11 +76,12 @@ def own_speed(speed: SpeedSpec, paces, weight) -> SpeedSpec:
     if (paces == 1.0).all():
         return speed
     mean, square = (float(np.average(paces**power, weights=weight)) for power in (1, 2))
-    own, noise = speed.mean / mean, speed.deviation / np.sqrt(2 * speed.reversion)
+    own, noise = speed.mean / mean, speed.own_spread
     left = (noise**2 - own**2 * (square - mean**2)) / square
     noise = np.sqrt(max(left, (LEAST_OWN * noise) ** 2))
     deviation = float(np.clip(noise * np.sqrt(2 * speed.reversion), 0, 50))
-    return speed.model_copy(update={"mean": float(np.clip(own, 0, 100)), "deviation": deviation, "by_density": ()})
+    changed = {"mean": float(np.clip(own, 0, 100)), "deviation": deviation, "common": speed.common / mean}
+    return speed.model_copy(update=changed | {"by_density": ()})
 
 
 def body_of(evidences: list[Evidence], discs: bool = False) -> BodySpec:

@@ -144,7 +144,7 @@ def _brush(brush, k, speeds, many):
     """The brush of one state; with two states, those that walk have the speed of the learned brush."""
     rest = {"stops": 0.0, "starts": 0.0, "imitation": 0.0}
     if k == 0:
-        rest |= {"mean": 0.0, "deviation": 0.0, "reversion": STOPPING, "by_density": ()}
+        rest |= {"mean": 0.0, "deviation": 0.0, "reversion": STOPPING, "common": 0.0, "by_density": ()}
     elif many > 2:
         rest |= {"mean": float(speeds[0]), "deviation": float(speeds[1] * np.sqrt(2.0 * brush.speed.reversion))}
     title = f"{brush.title}, {STATES[k]}"[:200]

@@ -380,6 +380,11 @@ def _seen(page, findings):
             told = "not identifiable" if reversion is None else f"{reversion:.2g} 1/s"
             facts.append(("speed", f"{clip.speed.mean:.3g} ± {clip.speed.deviation:.2g} body lengths/s"))
             facts.append(("reversion rate of the speed", told))
+            if clip.speed.individual > 0:
+                facts.append(("usual speeds of animals", f"differ by {clip.speed.individual:.2g} body lengths/s"))
+            if clip.speed.common > 0:
+                often = f"for about {clip.speed.common_time:.2g} s"
+                facts.append(("common changes of speed", f"{clip.speed.common:.2g} body lengths/s, {often}"))
         page.facts(facts)
     notes = [*(note for clip in findings.clips for note in clip.notes), *findings.learned.notes]
     page.notes(dict.fromkeys(map(sentence, notes)))

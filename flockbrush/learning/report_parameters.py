@@ -61,7 +61,9 @@ def add_parameters(page, findings, show):
     speed = learned.speed
     page.say(
         f"Speed: {speed.mean:.3g} body lengths/s, noise {speed.deviation:.3g} (speeds spread by "
-        f"{speed.deviation / math.sqrt(2 * speed.reversion):.3g}), reversion {speed.reversion:.3g} 1/s"
+        f"{speed.own_spread:.3g}), reversion {speed.reversion:.3g} 1/s"
+        + (f", usual speeds of animals differ by {speed.individual:.0%}" if speed.individual > 0 else "")
+        + (f", common changes {speed.common:.3g} for {speed.common_time:.3g} s" if speed.common > 0 else "")
         + (f", a table of {len(speed.by_density)} densities." if speed.by_density else ".")
     )
 

@@ -36,7 +36,7 @@ from flockbrush.systems.contact import move
 from flockbrush.systems.decide import Members, RoleState, _roles
 from flockbrush.systems.grid import sort_into_cells
 from flockbrush.systems.ground_edges import outline_edges
-from flockbrush.systems.pace import PaceRules, PaceState, Walkers, _pace, company, crowding, pause
+from flockbrush.systems.pace import PaceRules, PaceState, Walkers, _pace, company, crowding, pause, speed_chance
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
 DT = 1 / 32  # s, the tick of a level
@@ -312,10 +312,9 @@ class PlaneHerd:
         self.forces = forces_of(p)
         self.table = np.array(spec.by_density or [(0.0, 1.0)], float)
         self.roles = leader_rule(p)
-        mean, deviation, reversion = np.array([spec.mean]), np.array([spec.deviation]), np.array([spec.reversion])
-        stops, starts, imitation = np.array([spec.stops]), np.array([spec.starts]), np.array([spec.imitation])
-        first = np.array([0, len(self.table)])
-        self.pace_rules = PaceRules(mean, deviation, reversion, first, self.table, stops, starts, imitation)
+        density = {"density_first": np.array([0, len(self.table)]), "density_table": self.table}
+        of_spec = {k: np.array([getattr(spec, k)]) for k in PaceRules._fields if k not in density}
+        self.pace_rules = PaceRules(**density, **of_spec)
 
     def _columns(self, n):
         self.xyz, self.forward, self.velocity = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2))
@@ -331,8 +330,8 @@ class PlaneHerd:
         # all alike, of a body that can do anything, and driven by nothing
         undriven, on_foot = (self.length, self.cap, self.cap, np.zeros(n), np.zeros(n)), np.zeros(n, np.bool_)
         self.walkers = Walkers(
-            on_foot, self.ids, self.length, self.none, self.cap, self.length, self.cap, self.zero, self.forward,
-            self.length, *undriven,
+            on_foot, self.ids, self.length, self.none, self.cap, self.length, self.cap, self.zero, self.xyz,
+            self.forward, self.length, *undriven,
         )  # fmt: skip
         self.pace = PaceState(np.zeros(n, np.uint8), self.drawn, self.effort, self.target)
         names = "forward", "length", "none", "leader", "known", "zero", "ids"
@@ -354,9 +353,8 @@ class PlaneHerd:
         self.next_id = max(self.next_id, int(np.max(ids, initial=0)) + 1)
         drawn = start.speed
         if drawn is None:
-            spread = self.spec.deviation / np.sqrt(2 * self.spec.reversion)
             chance = self.noise.normal("birth speed", self.tick_number, np.asarray(ids) - 1)[:, 0]
-            drawn = np.maximum(self.spec.mean + spread * chance, 0.0)
+            drawn = np.maximum(self.spec.mean + self.spec.spread * chance, 0.0)
         elif self.spec.stops > 0.0:  # animals that hardly move stand
             drawn = np.where(np.asarray(drawn) < STANDS * self.spec.mean, 0.0, drawn)
         flat = np.zeros((n, 1))
@@ -416,7 +414,7 @@ class PlaneHerd:
         if self.spec.by_density:
             walkers = walkers._replace(density=np.zeros(n))
             crowding(0, n, cells, self.length, walkers.density)
-        _pace(0, n, walkers, self.pace_rules, key("speed", self.tick_number), self.dt, self.pace)
+        _pace(0, n, walkers, self.pace_rules, speed_chance(self.noise, self.tick_number, self.dt), self.dt, self.pace)
         if self.spec.stops > 0.0:
             walking = np.full(n, -1.0)
             company(0, n, cells, self.length, was, walking)

@@ -233,7 +233,7 @@ class FollowedClip:
 def _speed_of(clip):
     if clip.speed is None:
         return SpeedSpec(mean=0.5, deviation=0.05)
-    rate = clip.speed.reversion or 1.0
+    rate = clip.speed.likely
     deviation = np.nan_to_num(clip.speed.deviation) * np.sqrt(2 * rate)
     return SpeedSpec(mean=clip.speed.mean, deviation=float(min(deviation, 50.0)), reversion=rate)
 

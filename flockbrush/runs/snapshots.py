@@ -18,6 +18,7 @@ from flockbrush.components import (
     Velocity,
 )
 from flockbrush.runs.catalogue import LABELS, catalogue_of
+from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
@@ -109,8 +110,7 @@ def between(before: Moment, after: Moment, time, wrap=None) -> Moment:
         rows = rows_before[both]
     xyz, velocity, forward = after.xyz.copy(), after.velocity.copy(), after.forward.copy()
     way = after.xyz[both] - before.xyz[rows]
-    if wrap is not None:
-        way[:, :2] -= np.round(way[:, :2] / wrap) * wrap
+    way[:, :2] = short_way(way[:, :2], wrap)
     way *= 1 - share
     xyz[both] -= way
     if wrap is not None:

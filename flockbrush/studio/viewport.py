@@ -16,6 +16,7 @@ from flockbrush.render.overlay_registry import EXPLAINED, OVERLAYS
 from flockbrush.render.overlays import Overlays
 from flockbrush.render.space_view import SpacePainter
 from flockbrush.render.view_camera import ViewCamera
+from flockbrush.systems.grid import short_way
 
 NEAREST, FARTHEST = 400.0, 0.25  # pixels per metre; share of the whole map in the window
 FIRST = 0.5  # s that may go into the ground of a new window before it is shown
@@ -285,9 +286,7 @@ class Viewport:
             self._centre_on(place)
             return
         step = place - before[1]
-        wrap = app.session.wrap
-        if wrap is not None:
-            step[:2] -= np.round(step[:2] / wrap) * np.asarray(wrap)
+        step[:2] = short_way(step[:2], app.session.wrap)
         if self.in_space:
             self.look(self.camera.at(*(np.asarray(self.camera.target) + step)))
         else:

@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.wander import half_waves_alike
 from flockbrush.components import Ground, Heading, Position, Speed, Velocity, Wish
+from flockbrush.engine.noise import Noise
 from flockbrush.engine.raster import Raster
 from flockbrush.levels.schema import Zone
-from flockbrush.systems.pace import GATHER
+from flockbrush.systems.pace import GATHER, in_common_
 from flockbrush.systems.terrain import slope_factor_
 from small_herd import box, brush, level, meadow, put, straight
+
+from flockbrush.film.speed_process import _followed
 
 DT = 1 / 32
 
@@ -47,6 +51,48 @@ def test_speeds_are_the_stationary_process_of_eq_6(mean, deviation, reversion):
     # and it forgets as exp(-reversion t)
     now, later = drawn[:-1] - mean, drawn[1:] - mean
     assert (now * later).mean() / variance == pytest.approx((1 - reversion * DT) ** 20, abs=0.05)
+
+
+def test_animals_differ_for_life_by_their_share_of_the_mean():
+    simulation = lonely(straight(mean=4.0, speed={"individual": 0.1, "reversion": 4.0}), 600)
+    simulation.run(96)
+    once = simulation.agents[Speed.drawn].copy()
+    simulation.run(320)
+    later = simulation.agents[Speed.drawn]
+    assert np.allclose(once, later, rtol=1e-3)  # without noise of their own, each keeps its usual speed
+    assert later.std() == pytest.approx(0.4, rel=0.1)
+
+
+def test_a_herd_hurries_together():
+    herd = lonely(straight(mean=4.0, speed={"common": 0.5, "common_time": 1.0, "reversion": 8.0}))
+    put(herd, grid(4, 2.0), 0.0)
+    speeds = []
+    for _ in range(600):
+        herd.run(8)
+        speeds.append(herd.agents[Speed.drawn][1:].copy())
+    speeds = np.array(speeds)
+    assert np.corrcoef(speeds.T).min() > 0.95
+    assert speeds.std() == pytest.approx(0.5 * np.sqrt(_followed(np.zeros(1), 1.0, 8.0)[0]), rel=0.15)
+
+
+def test_what_a_herd_does_together_is_normal_and_lasts_as_long_as_half_waves_do():
+    stream = Noise(3).stream("common speed")
+    drawn = np.array(
+        [[in_common_(0.0, 0.0, 0.7 * k + lag, stream, 0) for lag in (0.0, 0.5, 1.0, 2.0)] for k in range(20_000)]
+    )
+    assert abs(drawn.mean()) < 0.03 and drawn.var() == pytest.approx(1.0, abs=0.03)
+    assert abs((drawn**3).mean()) < 0.1 and (drawn**4).mean() == pytest.approx(3.0, abs=0.5)
+    for k, lag in enumerate((0.0, 0.5, 1.0, 2.0)):
+        assert (drawn[:, 0] * drawn[:, k]).mean() == pytest.approx(half_waves_alike(lag), abs=0.04)
+
+
+@pytest.mark.parametrize(("far", "least", "most"), [(10.0, 0.85, 1.0), (30.0, 0.45, 0.65), (60.0, -0.1, 0.25)])
+def test_herds_far_apart_do_not_hurry_together(far, least, most):
+    stream, alike = Noise(3).stream("common speed"), []
+    for angle in np.linspace(0.0, np.pi, 8, endpoint=False):
+        x, y = far * np.cos(angle), far * np.sin(angle)
+        alike += [in_common_(0.0, 0.0, k, stream, 0) * in_common_(x, y, k, stream, 0) for k in range(2000)]
+    assert least < np.mean(alike) < most
 
 
 def test_animals_of_two_sizes_go_as_many_body_lengths_a_second():

@@ -75,6 +75,32 @@ def test_a_herd_has_the_speeds_that_were_learned_from_it():
     assert found.reversion == pytest.approx(1.5, rel=0.3)
 
 
+def test_a_herd_has_the_differences_and_common_changes_of_speed_that_were_learned_from_it():
+    spec = SpeedSpec(mean=3.0, deviation=0.6, reversion=1.5, individual=0.2, common=0.5, common_time=1.5)
+    xy = np.column_stack([np.zeros(24), 0.7 * np.arange(24)])  # abreast: nobody is in another's way
+    start = HerdStart(xy, np.tile([1.0, 0.0], (24, 1)))
+    found = []
+    for seed in range(12):
+        run = rollout(start, ALONE, spec, seconds=20.0, fps=10.0, seed=seed)
+        seen = Sightings(run.first, run.xy, run.forward, run.speed, np.full(len(run.xy), np.nan), run.ids)
+        found.append(speed_process(seen, 10.0, 0.02))
+    assert np.mean([one.individual for one in found]) == pytest.approx(0.6, rel=0.15)
+    assert np.mean([one.spread for one in found]) == pytest.approx(spec.own_spread, rel=0.1)
+    assert np.mean([one.common for one in found]) == pytest.approx(0.5, rel=0.2)
+    assert np.median([one.common_time for one in found]) == pytest.approx(1.5, rel=0.4)
+
+
+def test_of_animals_that_are_alike_no_difference_or_common_change_is_learned():
+    spec = SpeedSpec(mean=3.0, deviation=0.6, reversion=1.5)
+    xy = np.column_stack([np.zeros(24), 0.7 * np.arange(24)])
+    start = HerdStart(xy, np.tile([1.0, 0.0], (24, 1)))
+    for seed in range(6):
+        run = rollout(start, ALONE, spec, seconds=20.0, fps=10.0, seed=seed)
+        seen = Sightings(run.first, run.xy, run.forward, run.speed, np.full(len(run.xy), np.nan), run.ids)
+        found = speed_process(seen, 10.0, 0.02)
+        assert found.individual < 0.1 and found.common == 0.0
+
+
 def test_shoves_are_no_speed_of_an_animal():
     clip = herd_film.evidence_of_truth(packed_and_loose(frames=2), cell=2.0)
     run = Run(
