@@ -168,8 +168,9 @@ class Watch:
         fields = taken.collector.fields(clip.fps, self.obstacle_cells, self.region_cells, self.outline)
         self._check(fields, taken.masks)
         sightings, noise = taken.sightings()
-        smoothed = max(SMOOTHED, 2 * float(np.nan_to_num(noise.half)))
-        speed = None if clip.still else speed_evidence(fields, sightings, self.size.area, smoothed)
+        smoothed = 2 * noise.half + 1 / clip.fps if np.isfinite(noise.half) else SMOOTHED
+        errors = noise.speed_errors(clip.fps)
+        speed = None if clip.still else speed_evidence(fields, sightings, self.size.area, smoothed, errors)
         way = math.inf if speed is None else speed.mean * float(clip.times[-1] - clip.times[0])
         doubt = _doubt(way)
         warnings = [f"unreliable: {doubt}"] if doubt else []

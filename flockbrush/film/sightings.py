@@ -60,6 +60,16 @@ class SightingNoise:
     half: float  # s to each side that heading and turning are smoothed over
     unsure: float  # share of the sights whose head may be the other end
 
+    def speed_errors(self, fps) -> np.ndarray:
+        """(k,) covariances of the errors of an animal's speeds so many frames apart, BL²/s²; empty if unknown.
+
+        Speeds are slopes of lines through the places of ``2 half`` s.
+        """
+        if not np.isfinite((self.speed, self.half)).all():
+            return np.zeros(0)
+        weight = np.arange(-round(self.half * fps), round(self.half * fps) + 1.0)
+        return self.speed**2 * np.correlate(weight, weight, "full")[len(weight) - 1 :] / (weight @ weight)
+
 
 UNKNOWN = SightingNoise(*[float("nan")] * 8)
 

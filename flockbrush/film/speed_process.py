@@ -67,7 +67,7 @@ def speed_process(sightings, fps, smoothed=SMOOTHED, errors=None) -> SpeedProces
     ----------
     fps : float
     smoothed : float
-        s over which the speeds are averages (twice `Noise.half`), which is accounted for.
+        s over which the speeds are averages, which is accounted for.
     errors : (k,) array_like, optional
         Covariances of the errors of an animal's speeds so many frames apart, BL²/s², 0 from k on.  Without them, lags
         shorter than ``smoothed`` are not used.

@@ -6,7 +6,7 @@ import numpy as np
 
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
-from flockbrush.film.track_table import WRAPPED, TrackTable, check_size, middle_of_parts
+from flockbrush.film.track_table import WRAPPED, TrackTable, check_size, first_time, middle_of_parts
 
 SLAB = 4_000_000  # numbers of a variable that are unpacked at once
 CHUNK = 64 * limits.MIB  # bytes of a packed block; HDF5 unpacks one whole, whatever part is asked for
@@ -59,8 +59,9 @@ def movement_netcdf(path) -> TrackTable:
         if "heading" in data.variables and unit == "m":
             heading = _headings(path, data["heading"], xy.shape[:2])
         notes = [WRAPPED] if getattr(data, "boundary", "") == "wrap" else []
-        return TrackTable(xy, _individuals(path, data, xy.shape[1]), np.arange(len(xy)), _fps(path, data), unit, None,
-                          heading, notes)  # fmt: skip
+        fps, start = _times(path, data)
+        who = _individuals(path, data, xy.shape[1])
+        return TrackTable(xy, who, np.arange(len(xy)), fps, unit, None, heading, notes, start)
 
 
 def _of_movement(values, sizes):
@@ -85,14 +86,14 @@ def _individuals(path, data, count):
     return names
 
 
-def _fps(path, data):
-    """Frames a second, as told or from the times; None where neither is there."""
-    fps = getattr(data, "fps", None)
-    if fps is None and getattr(data, "time_unit", "") == "seconds" and "time" in data.variables:
+def _times(path, data):
+    """(frames a second, as told or from the times, None where neither is there; s, time of the first frame)."""
+    fps, start = getattr(data, "fps", None), 0.0
+    if getattr(data, "time_unit", "") == "seconds" and "time" in data.variables:
         times = np.concatenate(list(_slabs(path, data["time"], 0)))
         step = float(np.median(np.diff(times))) if times.ndim == 1 and len(times) > 1 else 0.0
-        fps = 1.0 / step if step > 0 else None
-    return None if fps is None else float(fps)
+        fps, start = 1.0 / step if fps is None and step > 0 else fps, first_time(times)
+    return None if fps is None else float(fps), start
 
 
 def _headings(path, variable, shape):

@@ -16,7 +16,7 @@ from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
-from flockbrush.film.track_table import WRAPPED, TrackTable, beside, check_size, middle_of_parts, placed
+from flockbrush.film.track_table import WRAPPED, TrackTable, beside, check_size, first_time, middle_of_parts, placed
 
 EARTH = 111_319.49079327358  # m of a degree at the equator
 NAMES = {  # what columns are called, the first that is there is taken
@@ -28,7 +28,6 @@ NAMES = {  # what columns are called, the first that is there is taken
     "time": ("time", "time_s", "seconds", "t", "timestamp"),
 }  # fmt: skip
 _TOLD = 20  # problems of one file that are reported
-LATEST = 1e7  # s: later times are dates, which count from the first frame
 ROUNDED = 0.1  # frames by which times may be off a frame without being interpolated
 
 
@@ -204,8 +203,8 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         frames, places, animal, lines = frames[one], places[one], animal[one], lines[one]
         heading = None if heading is None else heading[one]
     xy, ids, numbers, turned = placed(path, frames, names, animal, places, heading, lines)
-    start = float(columns["time"][valid].min()) if "time" in columns else 0.0
-    return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes, start if abs(start) < LATEST else 0.0)
+    start = first_time(columns["time"][valid]) if "time" in columns else 0.0
+    return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes, start)
 
 
 def _unit_of_name(name):
@@ -399,8 +398,8 @@ def _idtracker(path, header, rows) -> TrackTable:
     columns = [place[f"{axis}{k}"] for k in animals for axis in "xy"]
     values = _grid(path, rows, [*columns, *([] if time is None else [time])])
     xy = values[:, : len(columns)].reshape(len(values), -1, 2)
-    fps = None if time is None else _rate(np.arange(len(values)), values[:, -1])
-    return TrackTable(xy, [str(k) for k in animals], np.arange(len(values)), fps, "px")
+    fps, start = (None, 0.0) if time is None else (_rate(np.arange(len(xy)), values[:, -1]), first_time(values[:, -1]))
+    return TrackTable(xy, [str(k) for k in animals], np.arange(len(xy)), fps, "px", start=start)
 
 
 # TRex: a file for each animal ---------------------------------------------------------------------

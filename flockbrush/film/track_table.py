@@ -15,6 +15,9 @@ WRAPPED = "the level of this run is wrapped: across its edges distances are too 
 SURE = 0.6  # confidence of a body part, below which it is taken as not seen
 
 
+LATEST = 1e7  # s: later times are dates, which count from the first frame
+
+
 @dataclass
 class TrackTable:
     """Positions by frame and animal, as read from a file."""
@@ -28,6 +31,12 @@ class TrackTable:
     heading: np.ndarray | None = None
     notes: list[str] = field(default_factory=list)
     start: float = 0.0  # s, time of the first frame
+
+
+def first_time(times) -> float:
+    """s, the first of some times; 0 where that is a date, from which times count."""
+    known = np.asarray(times, float)[np.isfinite(times)]
+    return float(known.min()) if len(known) and abs(known.min()) < LATEST else 0.0
 
 
 # rows to places -------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from flockbrush.behaviours.brush import BodySpec, SpeedSpec
 from flockbrush.film.observations import Evidence
 from flockbrush.film.speeds import joined
 from flockbrush.learning.herd_views import told_apart
-from flockbrush.learning.rollout import HerdStart, Walls
+from flockbrush.learning.rollout import DT, HerdStart, Walls
 from flockbrush.systems.measures import compute_nnd
 
 TOUCHING = 0.04  # share of animals lying on another as capsules, above which bodies are taken for discs
@@ -34,7 +34,7 @@ def speed_of(evidences: list[Evidence]) -> SpeedSpec:
         for name in ("deviation", "individual", "common")
     )
     rates = [s.reversion for s in known if s.reversion is not None] or [s.likely for s in known]
-    reversion = float(np.clip(np.median(rates), 0.05, 50.0))
+    reversion = float(np.clip(np.median(rates), 0.05, 20.0))
     table = [(float(np.clip(a, 0, 100)), b) for a, b in joined(known)]
     factors = [factor for _, factor in table]
     uneven = len(table) > 1 and max(factors) - min(factors) > UNEVEN
@@ -52,7 +52,7 @@ def speed_of(evidences: list[Evidence]) -> SpeedSpec:
     return SpeedSpec(
         **states,
         mean=float(np.clip(mean, 0, 100)),
-        deviation=float(np.clip(np.sqrt(2 * reversion * own), 0, 50)),
+        deviation=float(np.clip(np.sqrt((2 - reversion * DT) * reversion * own), 0, 50)),  # in ticks of so long
         reversion=reversion,
         individual=float(np.clip(np.sqrt(between) / mean, 0, 1)) if mean > 0 else 0.0,
         common=float(np.clip(np.sqrt(common), 0, 50)),

@@ -58,6 +58,26 @@ def test_times_are_those_of_the_file(cli, tmp_path):
     assert read_trajectories(path, "m").part(50, 89).start == pytest.approx(105.0)
 
 
+def test_times_of_a_column_for_each_coordinate_are_those_of_the_file(tmp_path):
+    rows = [f"{100 + t / 10},{t * 0.1},{1.0},{t * 0.1},{2.0}" for t in range(40)]
+    path = tmp_path / "wide.csv"
+    path.write_text("\n".join(["time,x1,y1,x2,y2", *rows]) + "\n")
+    assert read_trajectories(path, "m").start == pytest.approx(100.0)
+
+
+def test_times_of_netcdf_are_those_of_the_file(tmp_path):
+    netcdf = pytest.importorskip("netCDF4")
+    path = tmp_path / "a.nc"
+    with netcdf.Dataset(path, "w") as data:
+        for name, size in (("time", 40), ("space", 2), ("individuals", 2)):
+            data.createDimension(name, size)
+        data.time_unit = "seconds"
+        data.createVariable("time", "f8", ("time",))[:] = 100.0 + np.arange(40) / 10
+        data.createVariable("position", "f8", ("time", "space", "individuals"))[:] = np.arange(160).reshape(40, 2, 2)
+    found = read_trajectories(path, "m")
+    assert found.start == pytest.approx(100.0) and found.fps == pytest.approx(10.0)
+
+
 def test_units_are_those_of_the_file(cli, tmp_path):
     path = table(tmp_path / "a.csv", 10 * walkers(0.7, 0))
     told = cli("measure", path, "--unit", "px", "--body-length-px", 10).out

@@ -10,7 +10,7 @@ from benchmarks import foreign_herds, herd_film
 from flockbrush.film.body_matching import follow, matched
 from flockbrush.film.body_outlines import bodies_of, size_of_bodies
 from flockbrush.film.body_shapes import Outlines
-from flockbrush.film.sightings import sightings_of
+from flockbrush.film.sightings import UNKNOWN, sightings_of
 
 FISH = Path(__file__).parents[4] / "shared/data/zebrafish_100/test_trajectories.npy"
 TO_BL = np.array([[0.1, 0.0, 0.0], [0.0, -0.1, 40.0]])  # 10 px to a body length
@@ -51,6 +51,17 @@ def test_animals_on_a_curve_have_its_heading_speed_and_turn():
     assert np.allclose(sightings.turn[sightings.of(20)], 0.5, atol=0.02)
     assert np.isfinite(sightings.turn).mean() > 0.8  # at the ends of tracks it is not known
     assert noise.xy < 0.01 and noise.unsure == 0
+
+
+def test_the_errors_of_speeds_are_as_large_and_last_as_long_as_is_said():
+    frames, _ = walk(speed=2.0, turn=0.0, frames=300, count=16, noise=0.03)
+    sightings, noise = sightings_of(frames, 25, TO_BL)
+    off = sightings.speed[10 * 16 : -10 * 16].reshape(-1, 16) - 2.0
+    said = noise.speed_errors(25)
+    seen = np.array([(off[: len(off) - k] * off[k:]).mean() for k in range(len(said) + 3)])
+    assert np.allclose(seen[: len(said)], said, atol=0.12 * said[0])
+    assert np.abs(seen[len(said) :]).max() < 0.1 * said[0]
+    assert not len(UNKNOWN.speed_errors(25))
 
 
 @pytest.mark.parametrize("speed", [1.0, 4.0, 12.0])
