@@ -37,10 +37,8 @@ def moves(name: str, low: float, high: float, times: bool = False) -> Range:
 
 def pace(low: float, high: float) -> DesignerSlider:
     """The slider of the speed, in body lengths per second."""
-    return DesignerSlider(
-        "Slow and calm to fast",
-        (Range("speed", "mean", low, high, True), Range("speed", "deviation", low, high, True)),
-    )
+    numbers = "mean", "deviation", "common"
+    return DesignerSlider("Slow and calm to fast", tuple(Range("speed", name, low, high, True) for name in numbers))
 
 
 SLIDERS = {"pace": pace(0.1, 20.0)}  # of every model

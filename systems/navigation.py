@@ -91,7 +91,7 @@ class Navigation:
 def navigation_of(guides, goals, blocked, cost=None, cell=1.0, height=None, wrap=False):
     """The navigation fields of a level.
 
-    Where the map goes on at the opposite border, guides and ways lead over it (`Around`).
+    Where the map goes on at the opposite border, guides and ways lead over it (`EndlessMap`).
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def navigation_of(guides, goals, blocked, cost=None, cell=1.0, height=None, wrap
     Navigation
     """
     blocked, cost = _ground(blocked, cost)
-    around = Around(blocked.shape, cell) if wrap else None
+    around = EndlessMap(blocked.shape, cell) if wrap else None
     if around is not None:
         blocked, cost, height = around.more(blocked), around.more(cost), None if height is None else around.more(height)
     images, known = around.images if around else HERE, {}
@@ -144,7 +144,7 @@ def navigation_of(guides, goals, blocked, cost=None, cell=1.0, height=None, wrap
     return Navigation(float(cell), *(found if around is None else map(around.middle, found)), wrap)
 
 
-class Around:
+class EndlessMap:
     """A map that goes on at the opposite border, with all of it again on each side: ways may wind that far.
 
     Parameters

@@ -56,7 +56,7 @@ class SpeedEvidence:
     pixel_deviation: float = float("nan")  # of the speeds of pixels, before the correction by sqrt(N_bp), BL/s
     smoothed: float = SMOOTHED  # s over which the speeds of single animals are averages
     # covariances of the errors of those so many frames apart, BL²/s²; empty if unknown
-    errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    errors: list[float] = field(default_factory=list)
 
     def scaled(self, by: float) -> SpeedEvidence:
         """The same in a unit of length that is so many times shorter."""
@@ -68,14 +68,15 @@ class SpeedEvidence:
             common=self.common * by,
             pixel_deviation=self.pixel_deviation * by,
             by_density=[(density / by**2, factor) for density, factor in self.by_density],
-            errors=self.errors * by**2,
+            errors=[error * by**2 for error in self.errors],
         )
 
     @staticmethod
     def of_arrays(arrays) -> SpeedEvidence:
         """From what a file holds: the table is an array there."""
         table = np.asarray(arrays.pop("by_density", [])).reshape(-1, 2)
-        return SpeedEvidence(**arrays, by_density=[(float(a), float(b)) for a, b in table])
+        errors = np.asarray(arrays.pop("errors", [])).tolist()
+        return SpeedEvidence(**arrays, errors=errors, by_density=[(float(a), float(b)) for a, b in table])
 
 
 def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED, errors=()) -> SpeedEvidence | None:
@@ -125,7 +126,7 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED, e
         body_pixels=float(body_pixels),
         pixel_deviation=pixel_deviation,
         smoothed=float(smoothed),
-        errors=np.asarray(errors, float),
+        errors=np.asarray(errors, float).tolist(),
     )
 
 
