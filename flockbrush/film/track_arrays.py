@@ -6,7 +6,7 @@ import numpy as np
 
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
-from flockbrush.film.track_table import WRAPPED, TrackTable, check_size, first_time, middle_of_parts
+from flockbrush.film.track_table import WRAPPED, TrackTable, begun, check_size, part_middle
 
 SLAB = 4_000_000  # numbers of a variable that are unpacked at once
 CHUNK = 64 * limits.MIB  # bytes of a packed block; HDF5 unpacks one whole, whatever part is asked for
@@ -92,7 +92,7 @@ def _times(path, data):
     if getattr(data, "time_unit", "") == "seconds" and "time" in data.variables:
         times = np.concatenate(list(_slabs(path, data["time"], 0)))
         step = float(np.median(np.diff(times))) if times.ndim == 1 and len(times) > 1 else 0.0
-        fps, start = 1.0 / step if fps is None and step > 0 else fps, first_time(times)
+        fps, start = 1.0 / step if fps is None and step > 0 else fps, begun(times)
     return None if fps is None else float(fps), start
 
 
@@ -136,6 +136,4 @@ def _of_sleap(part):
     """(T, N, 2) middles of places (N, 2, parts, T)."""
     places = np.moveaxis(part, (2, 3, 0, 1), (0, 1, 2, 3))  # (parts, T, N, 2)
     seen = np.ones(places.shape[:2])
-    return np.stack(
-        [middle_of_parts(places[:, :, n], seen) for n in range(places.shape[2])] or [np.zeros((0, 0, 2))], 1
-    )
+    return np.stack([part_middle(places[:, :, n], seen) for n in range(places.shape[2])] or [np.zeros((0, 0, 2))], 1)

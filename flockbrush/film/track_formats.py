@@ -16,7 +16,7 @@ from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
-from flockbrush.film.track_table import WRAPPED, TrackTable, beside, check_size, first_time, middle_of_parts, placed
+from flockbrush.film.track_table import WRAPPED, TrackTable, begun, beside, check_size, line_word, part_middle, placed
 
 EARTH = 111_319.49079327358  # m of a degree at the equator
 NAMES = {  # what columns are called, the first that is there is taken
@@ -175,7 +175,7 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
     x, y = columns["x"], columns["y"]
     nameless = np.array([not name for name in names])[animal]
     if nameless.any():
-        first = f"the first is line {lines[np.argmax(nameless)]}"
+        first = f"the first is {line_word(path)} {lines[np.argmax(nameless)]}"
         notes.append(f"{nameless.sum()} rows without an id were left out; {first}")
     valid = np.isfinite(x) & np.isfinite(y) & ~nameless
     if where["frame"] is None:
@@ -203,7 +203,7 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         frames, places, animal, lines = frames[one], places[one], animal[one], lines[one]
         heading = None if heading is None else heading[one]
     xy, ids, numbers, turned = placed(path, frames, names, animal, places, heading, lines)
-    start = first_time(columns["time"][valid]) if "time" in columns else 0.0
+    start = begun(columns["time"][valid]) if "time" in columns else 0.0
     return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes, start)
 
 
@@ -380,7 +380,7 @@ def _deeplabcut(path, header, rows) -> TrackTable:
             values[:, at + 2] if has else np.ones(len(values))
             for at, has in zip(parts[name], has_likelihood, strict=True)
         ]
-        middles.append(middle_of_parts(places, np.array(sure)))
+        middles.append(part_middle(places, np.array(sure)))
     return TrackTable(np.stack(middles, 1), ids, frames, None, "px")
 
 
@@ -398,7 +398,7 @@ def _idtracker(path, header, rows) -> TrackTable:
     columns = [place[f"{axis}{k}"] for k in animals for axis in "xy"]
     values = _grid(path, rows, [*columns, *([] if time is None else [time])])
     xy = values[:, : len(columns)].reshape(len(values), -1, 2)
-    fps, start = (None, 0.0) if time is None else (_rate(np.arange(len(xy)), values[:, -1]), first_time(values[:, -1]))
+    fps, start = (None, 0.0) if time is None else (_rate(np.arange(len(xy)), values[:, -1]), begun(values[:, -1]))
     return TrackTable(xy, [str(k) for k in animals], np.arange(len(xy)), fps, "px", start=start)
 
 

@@ -33,7 +33,12 @@ class TrackTable:
     start: float = 0.0  # s, time of the first frame
 
 
-def first_time(times) -> float:
+def line_word(path) -> str:
+    """What the place of a sight in a file is called."""
+    return "row" if Path(path).suffix.lower() == ".parquet" else "line"
+
+
+def begun(times) -> float:
     """s, the first of some times; 0 where that is a date, from which times count."""
     known = np.asarray(times, float)[np.isfinite(times)]
     return float(known.min()) if len(known) and abs(known.min()) < LATEST else 0.0
@@ -84,7 +89,7 @@ def placed(path, frames, names, animal, xy, heading=None, lines=None):
     twice = np.flatnonzero(np.diff(flat[order]) == 0)
     if len(twice):
         one, row = order[twice[0]], order[twice[0] + 1]
-        where = "" if lines is None else f" (lines {lines[one]} and {lines[row]})"
+        where = "" if lines is None else f" ({line_word(path)}s {lines[one]} and {lines[row]})"
         raise refused(path, f"animal {names[animal[row]][:80]} is in frame {frames[row]} twice{where}")
     grid = np.full((length * len(present), 2), np.nan)
     grid[flat] = xy
@@ -103,7 +108,7 @@ def check_size(path, frames, animals):
         raise refused(path, f"{frames:,} frames of {animals:,} animals are too many; split the file into parts")
 
 
-def middle_of_parts(places, weights):
+def part_middle(places, weights):
     """Mean position of the body parts with a confidence of at least `SURE`.
 
     Parameters

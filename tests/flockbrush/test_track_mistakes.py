@@ -94,6 +94,16 @@ def test_two_sights_at_the_same_time_are_named_with_their_lines(tmp_path):
         read_trajectories(table(tmp_path / "a.csv", [*rows, rows[26]]))
 
 
+def test_two_sights_of_a_parquet_file_are_named_with_their_rows(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    import pyarrow
+
+    columns = {"frame": [0, 1, 2, 1], "id": [1, 1, 1, 1], "x": [0.0, 1.0, 2.0, 1.0], "y": [0.0] * 4}
+    parquet.write_table(pyarrow.table(columns), tmp_path / "a.parquet")
+    with pytest.raises(ProblemsError, match=r"animal 1 is in frame 1 twice \(rows 2 and 4\)"):
+        read_trajectories(tmp_path / "a.parquet", "m", 25.0)
+
+
 def test_swapped_ids_spoil_no_other_animal():
     xy, ids = marching(), tuple(map(str, range(ANIMALS)))
     xy[80:, [0, 5]] = xy[80:, [5, 0]]
