@@ -191,7 +191,7 @@ def _judgement(row, after) -> str:
     unit = MEASURES[row.name].unit
     met = "met" if row.met else "missed"
     return (
-        f"{row.name.capitalize()}{after}: {row.clip:.2f} in the clip, {row.herd:.2f} simulated"
+        f"{row.name.capitalize()}{after}: {row.clip:z.2f} in the clip, {row.herd:z.2f} simulated"
         f"{f' ({unit})' if unit else ''}; {met}, difference {row.off:.2f}, limit {row.limit:.2f}."
     )
 

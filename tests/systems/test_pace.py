@@ -6,6 +6,7 @@ from flockbrush.behaviours.wander import half_waves_alike
 from flockbrush.components import Ground, Heading, Position, Speed, Velocity, Wish
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.raster import Raster
+from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.schema import Zone
 from flockbrush.systems.pace import GATHER, in_common_
 from flockbrush.systems.terrain import slope_factor_
@@ -73,6 +74,23 @@ def test_a_herd_hurries_together():
     speeds = np.array(speeds)
     assert np.corrcoef(speeds.T).min() > 0.95
     assert speeds.std() == pytest.approx(0.5 * np.sqrt(_followed(np.zeros(1), 1.0, 8.0)[0]), rel=0.15)
+
+
+def test_going_back_and_a_newcomer_change_nothing_of_what_a_herd_does_together():
+    uneven = straight(mean=4.0, speed={"individual": 0.2, "common": 0.8, "common_time": 0.5, "deviation": 0.3})
+    herd = lonely(uneven)
+    put(herd, grid(40, 6.0), 0.0)
+    herd.run(50)
+    kept = snapshot(herd.world)
+    herd.run(40)
+    later = state_hash(herd.world), herd.agents[Speed.drawn].copy()
+    restore(herd.world, kept)
+    herd.run(40)
+    assert state_hash(herd.world) == later[0]
+    restore(herd.world, kept)
+    put(herd, [(1500.0, 1500.0)], 0.0)
+    herd.run(40)
+    assert np.array_equal(herd.agents[Speed.drawn][:-1], later[1])
 
 
 def test_what_a_herd_does_together_is_normal_and_lasts_as_long_as_half_waves_do():
