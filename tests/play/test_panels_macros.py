@@ -2,7 +2,7 @@
 
 import pytest
 from flockbrush.behaviours.behaviour import behaviours
-from flockbrush.behaviours.brush import load_brush, shipped
+from flockbrush.behaviours.brush import SpeedSpec, load_brush, shipped
 from flockbrush.behaviours.sliders import Range
 from small_pasture import pasture
 from small_window import SmallWindow
@@ -37,7 +37,7 @@ def test_a_model_has_four_to_six_sliders_of_its_own_numbers(model):
     assert 4 <= len(model.Params.sliders) <= 6
     for slider in model.Params.sliders.values():
         for part in slider.ranges:
-            fields = model.Params.model_fields if part.table == "params" else {"mean", "deviation"}
+            fields = (model.Params if part.table == "params" else SpeedSpec).model_fields
             assert part.name in fields
 
 
