@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from flockbrush.behaviours.wander import HALF_PI
 from flockbrush.components import (
     Body,
     BrushBinding,
@@ -36,7 +37,6 @@ WAVES = np.array([  # rad/BL
     (0.0383, 0.0000), (-0.0620, 0.0568), (0.0011, -0.0128), (0.0331, 0.0432),
     (-0.0304, -0.0054), (0.0551, -0.0351), (-0.0060, 0.0222), (-0.0212, -0.0408),
 ])  # fmt: skip
-HALF_PI = 0.5 * np.pi
 
 
 class Pace(System):
