@@ -35,6 +35,7 @@ class Data:
     frames: tuple[int, int] | None
     licence: str
     assumed: str
+    arena: str | None = None
 
 
 DATA = {
@@ -46,8 +47,8 @@ DATA = {
         Data("zebrafish", "100 zebrafish in a round tank, frames 0 to 149", 55.0, "px", 32.0, (0, 149),
              "data GPL-3.0, test data of trajectorytools",
              "The frame rate of 32/s and the body length of 55 px come from descriptions of such films, not from the "
-             "file. The brush does not include the wall of the tank. It has little cohesion: without a wall, its shoal "
-             "spreads and loses its direction."),
+             "file. Nor is the wall of the tank: it is assumed to be the smallest circle that holds all positions "
+             "(`--arena circle`).", "circle"),
         Data("pigeons", "10 pigeons with GPS, horizontal positions, 30 s of a free flight", 0.35, "m", 5.0, (0, 149),
              "free with citation, Nagy et al. 2010, Nature 464, 890",
              "Assumed length of a pigeon: .35 m. Heights are ignored."),
@@ -160,7 +161,7 @@ def learned(data: Data, options):
             np.save(paths[-1], xy)
         result = flockbrush.learn(
             paths, unit=data.unit, fps=data.fps, body_length=data.length, frames=data.frames, name=data.name,
-            quick=options.quick, starts=3, licence=data.licence, beside=True,
+            arena=data.arena, quick=options.quick, starts=3, licence=data.licence, beside=True,
         )  # fmt: skip
     if options.brushes:
         options.brushes.mkdir(exist_ok=True)

@@ -66,13 +66,21 @@ class ClipOptions(WrittenOptions):
         float | None,
         typer.Option(min=0.001, max=50, metavar="M", help="Body length of an animal, nose to tail, m; default: 1."),
     ] = None
+    arena: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SHAPE",
+            help="Wall around tracked animals: circle or rectangle (the smallest that holds them), circle:X,Y,R or "
+            "rectangle:X0,Y0,X1,Y1 in the unit of the tracks.",
+        ),
+    ] = None
 
     def read(self) -> Looking:
         """The parsed options; typer.BadParameter for an invalid value."""
         understood = frames_of(self.frames), landmarks_of(self.landmark), colour_of(self.body_colour)
         return Looking(
             *understood, self.body_length_px, self.grid, self.obstacles, getattr(self, "regions", None),
-            unit_of(self.unit), self.fps, self.body_length_m,
+            unit_of(self.unit), self.fps, self.body_length_m, arena_of(self.arena),
         )  # fmt: skip
 
 
@@ -155,6 +163,18 @@ def frames_of(text: str | None) -> tuple[int, int] | None:
         raise typer.BadParameter(f"frames must be FIRST:LAST with FIRST <= LAST, such as 0:99; got {text!r}",
                                  param_hint="--frames")  # fmt: skip
     return int(match[1]), int(match[2])
+
+
+def arena_of(text: str | None):
+    """The `Arena`; typer.BadParameter for what is none."""
+    if text is None:
+        return None
+    from flockbrush.film.arena import Arena  # with OpenCV
+
+    try:
+        return Arena.read(text)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--arena") from None
 
 
 def landmark_of(text: str) -> tuple[int, tuple[float, float, float, float]]:

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flockbrush.film.arena import Arena
 
 
 @dataclass(frozen=True)
@@ -20,3 +24,4 @@ class Looking:
     unit: str | None = None  # of tracks: m, px or bl
     fps: float | None = None  # of tracks
     body_length_m: float | None = None  # of tracks in metres
+    arena: Arena | None = None  # of tracks

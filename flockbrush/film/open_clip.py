@@ -13,7 +13,7 @@ from flockbrush.film.clip_reader import open_clip
 from flockbrush.film.looking import Looking
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.observe import observe
-from flockbrush.film.track_evidence import USUAL_LENGTH_M, drawn_tracks, evidence_of_tracks
+from flockbrush.film.track_evidence import RADIUS, USUAL_LENGTH_M, drawn_tracks, evidence_of_tracks
 from flockbrush.film.track_files import Trajectories, is_tracks, read_trajectories
 from flockbrush.runs.terminal import progress, say
 
@@ -31,8 +31,8 @@ def look_at(clip, how: Looking, show=None, quiet=False) -> Evidence:
     name = Path(clip).name
     if is_tracks(clip):
         return _look_at_tracks(clip, how)
-    if how.unit is not None or how.fps is not None:
-        raise refused(clip, "is a video or picture: --unit and --fps can only be used with tracks")
+    if how.unit is not None or how.fps is not None or how.arena is not None:
+        raise refused(clip, "is a video or picture: --unit, --fps and --arena can only be used with tracks")
     with progress(f"measuring {name}", 0 if quiet else 100) as bar:
 
         def report(text, done, total):
@@ -77,7 +77,10 @@ def _look_at_tracks(path, how):
         if given:
             raise refused(path, f"is a file of tracks: {option} can only be used with videos and pictures")
     tracks, length = read_tracks_of(path, how)
-    evidence = evidence_of_tracks(tracks, length, how.grid)
+    arena = how.arena
+    if arena is not None and how.frames is not None:  # a wall stays where it is: all frames of the file tell it
+        arena = arena.around(read_tracks_of(path, replace(how, frames=None))[0], RADIUS * length)
+    evidence = evidence_of_tracks(tracks, length, how.grid, arena)
     if tracks.unit == "m" and how.body_length_m is None:
         evidence.notes.append("one body length is assumed to be 1 m (set --body-length-m)")
     return evidence

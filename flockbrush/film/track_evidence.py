@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from flockbrush.engine.files import refused
+from flockbrush.film.arena import Arena, beyond, lines_of, ring, wall_of
 from flockbrush.film.cell_statistics import cell_statistics
 from flockbrush.film.missing_animals import missing_places, neighbours_seen
 from flockbrush.film.observations import CannotObserve, Evidence, Fields, Sightings
@@ -34,7 +35,7 @@ WHOLE = 0.9  # share of the animals that is there at a time, above which the tra
 RADIUS = 0.2  # BL, half the width of a body, which tracks do not tell
 EDGE = 1.0  # BL of ground around animals that come and go
 PICTURE = 900  # pixels across of a drawn frame
-GROUND, BODY, TAIL = (214, 228, 221), (60, 70, 66), (150, 166, 158)  # BGR
+GROUND, BODY, TAIL, WALL = (214, 228, 221), (60, 70, 66), (150, 166, 158), (168, 176, 172)  # BGR
 FEWEST = 2  # animals
 JUMP, LEAST_JUMP = 5.0, 0.1  # times the long steps of the herd; BL, taken for such a step of a herd that stands
 ASIDE = math.pi / 4  # rad between headings and motion, in the median: headings of another kind
@@ -42,7 +43,7 @@ LEAP, LONG_STEPS = 20.0, 0.95  # times its usual step an animal never goes; quan
 USUAL_LENGTH_M = 1.0
 
 
-def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> Evidence:
+def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30, arena: Arena | None = None) -> Evidence:
     """The evidence of a herd in its tracks.
 
     Parameters
@@ -52,6 +53,8 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> E
         Body length in the unit of the tracks.
     grid : int
         Cells along the longer side of the ground.
+    arena : Arena, optional
+        A wall around the animals: an obstacle of the fields.
 
     Returns
     -------
@@ -63,7 +66,7 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> E
     CannotObserve
         When there are fewer than `SHORTEST` frames or `FEWEST` animals.
     ProblemsError
-        When the body length is not positive.
+        When the body length is not positive, or an animal is outside the arena.
     """
     if not (math.isfinite(length) and length > 0):
         raise refused(tracks.name, f"a body length must be above 0 {tracks.unit}, got {length:g}")
@@ -79,9 +82,13 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30) -> E
     motion = _Motion.of(pieces, tracks.fps)
     missing = _missing_places(tracks, pieces, motion, length)
     sightings, velocity = _sightings(pieces, motion, neighbours_seen(motion.xy, missing))
-    fields = _fields(tracks, missing, sightings, velocity, grid)
+    arena = None if arena is None else arena.around(tracks, RADIUS * length)
+    wall = None if arena is None else wall_of(arena, tracks, length)
+    fields = _fields(tracks, missing, sightings, velocity, grid, wall)
     speed = speed_evidence(fields, sightings, math.nan, motion.window, motion.errors)
     notes = [*tracks.notes, *_notes(tracks, pieces, motion, length), *speeds_told(sightings, tracks.fps)]
+    if arena is not None:
+        notes.append(arena.told(tracks.unit))
     evidence = Evidence(
         name=tracks.name, sha256=tracks.sha256, fps=tracks.fps, body_length_px=float(length), length_source="given",
         radius_bl=RADIUS, fields=fields, sightings=sightings, speed=speed, notes=notes,
@@ -241,8 +248,8 @@ def _sightings(pieces, motion, around):
 # fields ---------------------------------------------------------------------------------------------
 
 
-def _fields(tracks, missing, sightings, velocity, grid):
-    """The fields of all animals, on ground with a margin if the whole herd is always visible.
+def _fields(tracks, missing, sightings, velocity, grid, wall=None):
+    """The fields of all animals, on ground with a margin if the whole herd is always visible, in an arena or not.
 
     Missing animals count in density and number where animals are seen; velocities are of visible animals only.
     """
@@ -254,6 +261,8 @@ def _fields(tracks, missing, sightings, velocity, grid):
         room = max(1.2 * float((high - low).max()) / (grid - 2.4), EDGE)
     else:
         room = 0.01
+    if wall is not None:
+        low, high = np.minimum(low, wall.min(0)), np.maximum(high, wall.max(0))
     low, high = low - room, high + room
     cell = float(max((high - low).max() / grid, 0.1))
     nx, ny = np.maximum(np.ceil((high - low) / cell - 1e-9).astype(int), 1)
@@ -266,11 +275,16 @@ def _fields(tracks, missing, sightings, velocity, grid):
     grids = cell_statistics(cells(sightings.frame, sightings.xy), sightings.forward, velocity, shape)
     unseen = np.bincount(cells(gone, hidden), minlength=math.prod(shape)).reshape(shape)
     density = (grids.pop("number") + unseen) / cell**2
-    return Fields(
+    fields = Fields(
         fps=tracks.fps, cell=cell, origin=low.copy(), density=density, seen=np.ones(shape, bool),
         obstacle=np.zeros(shape[1:], bool), region=np.zeros(shape[1:], np.uint8), count=here.astype(float),
         frames=np.asarray(tracks.frames), **grids,
     )  # fmt: skip
+    if wall is None:
+        return fields
+    return replace(
+        fields, obstacle=beyond(wall, fields.centres), outline=ring(wall, low, low + cell * np.array([nx, ny]))
+    )
 
 
 def _jumps(tracks, length):
@@ -348,7 +362,11 @@ def _drawable(evidence):
     low, high = np.asarray(fields.origin, float), fields.origin + size
     wide, tall = np.maximum(np.ceil(size * scale).astype(int), 2)
     to_pixels = np.array([[scale, 0.0, -scale * low[0]], [0.0, -scale, scale * high[1]]])
-    return replace(evidence, picture=np.full((tall, wide, 3), GROUND, np.uint8), to_pixels=to_pixels)
+    picture = np.full((tall, wide, 3), GROUND, np.uint8)
+    if fields.outline is not None:
+        lines = [line @ to_pixels[:, :2].T + to_pixels[:, 2] for line in lines_of(fields.outline)]
+        cv2.fillPoly(picture, [np.round(line).astype(np.int32) for line in lines], WALL, cv2.LINE_AA)
+    return replace(evidence, picture=picture, to_pixels=to_pixels)
 
 
 def drawn_tracks(evidence: Evidence, t: int) -> np.ndarray:

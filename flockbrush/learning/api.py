@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from flockbrush.behaviours.brush import Brush
+from flockbrush.film.arena import Arena
 from flockbrush.film.open_clip import Looking
 from flockbrush.film.track_files import UNITS, is_tracks
 from flockbrush.learning.confounding import Estimate, estimates_of
@@ -71,8 +72,8 @@ class LearnedBrush:
 
 def learn(
     tracks: Tracks | Sequence[Tracks], *, unit: str | None = None, fps: float | None = None,
-    body_length: float | None = None, frames: tuple[int, int] | None = None, name: str = "learned",
-    report: str | os.PathLike | None = None, cluster: str | None = None, **options: Any,
+    body_length: float | None = None, frames: tuple[int, int] | None = None, arena: str | None = None,
+    name: str = "learned", report: str | os.PathLike | None = None, cluster: str | None = None, **options: Any,
 ) -> LearnedBrush:  # fmt: skip
     """Learn a brush from tracks of animals, or from films.
 
@@ -89,6 +90,9 @@ def learn(
         Of one animal nose to tail, in metres or pixels as the tracks are (of films in metres); 1 m unless given.
     frames : (int, int), optional
         First and last frame to use, both included.
+    arena : str, optional
+        Wall around tracked animals: "circle" or "rectangle" for the smallest that holds them, "circle:X,Y,R" or
+        "rectangle:X0,Y0,X1,Y1" in the unit of the tracks.
     name : str
         Of the brush.
     report : path, optional
@@ -121,6 +125,8 @@ def learn(
     ------
     ProblemsError
         When the tracks cannot be read or learned from.
+    ValueError
+        For a unit, body length or arena that is none.
 
     Examples
     --------
@@ -135,7 +141,12 @@ def learn(
 
     given: list = list(tracks) if isinstance(tracks, Sequence) and not isinstance(tracks, str) else [tracks]
     of_tracks = all(isinstance(one, np.ndarray) or is_tracks(one) for one in given)
-    looking = replace(_looking(unit, body_length, of_tracks), frames=frames, fps=fps)
+    looking = replace(
+        _looking(unit, body_length, of_tracks),
+        frames=frames,
+        fps=fps,
+        arena=None if arena is None else Arena.read(arena),
+    )
     with tempfile.TemporaryDirectory(prefix="flockbrush-learn-") as folder:
         wishes = LearnOptions(
             clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],

@@ -82,7 +82,9 @@ GOOD, NARROW = 0.4, 0.2  # score from which on steps grow, to full ones at 1 mor
 DRAWS, QUICK_DRAWS, TWICE = 384, 64, 9  # random ones that are tried where a descent has only fields; most, tried again
 ONE_OF, ONE_OF_DRAWS = 3, 6  # of so many, one is tried to the end
 CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
-WANDERING = 0.5, 1.2  # factors of the wander that gives the usual scatter: lasting herds need less, large turns more
+# by factor of the forces, of which turns show less if random ones last: factors of the wander that gives the usual
+# scatter; lasting herds need less, large turns more
+WANDERING = {1.0: (0.5, 1.2), 2.0: (1.0,)}
 FINALISTS, QUICK_FINALISTS = 4, 3
 KEEPERS = 4  # candidates, re-run for 20 s to test stability
 AGREEING = 3  # starts, where no turns say how sure a number is
@@ -253,10 +255,11 @@ class _Search:
 
     def _wander(self, workers, which):
         """These, wandering so much that herds scatter as the animals of the clip do."""
-        seed, parents = _seed(self.seed, 7, 0), [self.attempts[k] for k in which]
+        seed, forces = _seed(self.seed, 7, 0), [times for _ in which for times in WANDERING]
+        parents = [_stronger(self.attempts[k], times) for k in which for times in WANDERING]
         tasks = [{"theta": a.theta.tolist(), "extras": a.extras, "seed": seed} for a in parents]
-        for parent, found in zip(parents, workers.map(wandering, tasks), strict=True):
-            for factor in WANDERING if 0.0 < found["wander"] < MOST_WANDER else ():
+        for times, parent, found in zip(forces, parents, workers.map(wandering, tasks), strict=True):
+            for factor in WANDERING[times] if 0.0 < found["wander"] < MOST_WANDER else ():
                 extras = parent.extras | {"wander": factor * found["wander"], "wander_time": found["wander_time"]}
                 name, theta = f"{parent.name}, wandering {factor:g}", np.array(found["theta"])
                 new = dataclasses.replace(parent, name=name, theta=theta, extras=extras)
@@ -474,6 +477,16 @@ class _Search:
                 f"with fewer than {FEWEST} frames, none could be held out: the score is for the frames learned from"
             )
         return notes
+
+
+def _stronger(attempt, times):
+    """The same with so many times the forces between animals."""
+    if times == 1.0:
+        return attempt
+    name, theta = f"{attempt.name}, forces times {times:g}", attempt.theta.copy()
+    theta[9] /= times  # no random turn hides that of obstacles, which do not turn themselves
+    extras = attempt.extras | {"sensitivity": times * params_of(attempt.theta, attempt.extras).sensitivity}
+    return dataclasses.replace(attempt, name=name, theta=theta, extras=extras)
 
 
 def _seed(*numbers):

@@ -1,0 +1,174 @@
+"""The wall of a tank around tracked animals: found or given, solid, and turned away from as its animals do."""
+
+import functools
+import itertools
+
+import numpy as np
+import pytest
+from flockbrush.behaviours.brush import SpeedSpec
+from flockbrush.behaviours.models.herd import Params
+from flockbrush.engine.problems import ProblemsError
+
+from flockbrush.cli.main import called
+from flockbrush.film.arena import Arena, ring
+from flockbrush.film.looking import Looking
+from flockbrush.film.open_clip import look_at, looked_apart
+from flockbrush.learning.recipe import learn
+from flockbrush.learning.rollout import HerdStart, Surroundings, Walls, rollout, theta_of
+from flockbrush.learning.trials import SearchSettings, simulate
+from flockbrush.learning.turns import likelihood, predicted, turns_of
+
+RADIUS, FPS = 8.0, 16.0
+PARAMS = Params(alignment_weight=0.05, obstacle_weight=0.4, wander=0.3, neighbour_range=4.0, leader_neighbours=-1)
+SPEED = SpeedSpec(mean=3.0, deviation=0.3, reversion=1.0)
+TANK = Arena("circle", (20.0, 10.0, RADIUS))
+
+
+@functools.cache
+def swimming():
+    """(T, N, 2) m of two dozen animals, 1 m long, in a round tank."""
+    rng = np.random.default_rng(4)
+    place = (20.0, 10.0) + rng.uniform(-4, 4, (24, 2))
+    angle = rng.uniform(-np.pi, np.pi, 24)
+    start = HerdStart(place, np.column_stack([np.cos(angle), np.sin(angle)]), np.full(24, 3.0))
+    edges = ring(TANK.corners, (5.0, -5.0), (35.0, 25.0))
+    around = Surroundings(Walls(edges[:, :4].copy(), edges[:, 4].astype(np.int32)))
+    run = rollout(start, PARAMS, SPEED, seconds=12.0, fps=FPS, seed=2, around=around)
+    return run.xy.reshape(len(run), 24, 2)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("tank") / "fish.npy"
+    np.save(path, swimming())
+    return path
+
+
+def seen_in(path, arena=None, **how):
+    arena = Arena.read(arena) if isinstance(arena, str) else arena
+    return look_at(path, Looking(unit="m", fps=FPS, body_length_m=1.0, arena=arena, **how), quiet=True)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "square", "circle:", "circle:1,2", "circle:1,2,0", "circle:1,2,nan", "circle:a,b,c", "rectangle:1,2,3",
+     "rectangle:1,2,1,5", "rectangle:1,2,inf,5"],
+)  # fmt: skip
+def test_what_is_no_arena_is_refused_and_what_would_be_right_is_said(text, file, tmp_path, capsys):
+    with pytest.raises(ValueError, match=r"must be circle, rectangle, circle:X,Y,R or|has no inside"):
+        Arena.read(text)
+    out = tmp_path / "x.brush.toml"
+    assert called(["learn", str(file), "--unit", "m", "--fps", "16", "--arena", text, "--out", str(out)]) == 2
+    assert "--arena" in capsys.readouterr().err and not out.exists()
+
+
+def test_only_tracks_have_one(tmp_path):
+    (tmp_path / "clip.mp4").write_bytes(b"")
+    with pytest.raises(ProblemsError, match="--arena can only be used with tracks"):
+        look_at(tmp_path / "clip.mp4", Looking(arena=TANK))
+
+
+def test_an_arena_that_is_found_is_the_smallest_that_holds_all(file):
+    everyone = swimming().reshape(-1, 2)
+    x, y, radius = Arena("circle").around(_tracks(file), 0.2).numbers
+    far = np.hypot(*(everyone - (x, y)).T)
+    assert far.max() == pytest.approx(radius - 0.2)
+    assert sum(far > far.max() - 1e-4) >= 2  # it leans on some
+    for angle in np.linspace(0, 2 * np.pi, 24):  # and is not smaller about another middle
+        near = (x, y) + 0.05 * np.array([np.cos(angle), np.sin(angle)])
+        assert np.hypot(*(everyone - near).T).max() > far.max() - 1e-6
+    box = np.reshape(Arena("rectangle").around(_tracks(file), 0.2).numbers, (2, 2))
+    np.testing.assert_allclose(box, [everyone.min(0) - 0.2, everyone.max(0) + 0.2])
+
+
+def _tracks(path):
+    from flockbrush.film.track_files import read_trajectories
+
+    return read_trajectories(path, "m", FPS)
+
+
+def test_a_wall_stays_where_it_is_in_all_parts_of_a_file(file):
+    whole, part = seen_in(file, "circle"), seen_in(file, "circle", frames=(0, 40))
+    told = [note for note in whole.notes if note.startswith("the arena is a circle of radius")]
+    assert told and told[0] in part.notes
+    how = Looking(unit="m", fps=FPS, body_length_m=1.0, arena=Arena("circle"))
+    for training, held in looked_apart(file, how, whole, 0.5, rotate=True):
+        assert told[0] in training.notes and told[0] in held.notes
+
+
+@pytest.mark.parametrize("text", ["circle", "rectangle", "circle:20,10,8.3", "rectangle:11,1.5,29,18.5"])
+def test_pixels_that_point_down_make_no_difference(text, file, tmp_path):
+    np.save(tmp_path / "px.npy", swimming() * (50.0, 50.0))
+    np.save(tmp_path / "up.npy", swimming() * (1.0, -1.0))
+    shape, colon, rest = text.partition(":")
+    numbers = [float(word) for word in rest.split(",")] if colon else []
+    flipped = [n * (-1 if k in ((1,) if shape == "circle" else (1, 3)) else 1) for k, n in enumerate(numbers)]
+    in_pixels = Looking(unit="px", fps=FPS, body_length_px=50.0, arena=Arena(shape, tuple(50.0 * n for n in numbers)))
+    one = look_at(tmp_path / "px.npy", in_pixels)
+    other = seen_in(tmp_path / "up.npy", Arena(shape, tuple(flipped)))
+    np.testing.assert_allclose(one.fields.outline, other.fields.outline, atol=1e-3)
+    assert np.array_equal(one.fields.obstacle, other.fields.obstacle)
+
+
+def test_an_animal_outside_is_named(file, tmp_path):
+    xy = swimming().copy()
+    xy[30:60, 5] += (30.0, 0.0)
+    np.save(tmp_path / "out.npy", xy)
+    with pytest.raises(ProblemsError, match=r"animal 5 is .* m outside the arena in frame \d\d: the arena is a circle"):
+        seen_in(tmp_path / "out.npy", TANK)
+
+
+def test_animals_are_kept_in_it_and_seen_to_be_where_they_are(file):
+    evidence = seen_in(file, TANK)
+    fields = evidence.fields
+    assert fields.holds_all and 0.2 < fields.obstacle.mean() < 0.8
+    assert np.nan_to_num(fields.density)[:, fields.obstacle].sum() < 0.02 * np.nan_to_num(fields.density).sum()
+    for clip, held in ((evidence, True), (seen_in(file), False)):
+        run = simulate(clip, PARAMS, SPEED, evidence_body(evidence), vision(), 3, seconds=15.0)
+        far = np.hypot(*(run.xy - (20.0, 10.0)).T)
+        assert (far.max() < RADIUS) == held, far.max()
+        assert held or far.max() > 2 * RADIUS
+
+
+def evidence_body(evidence):
+    from flockbrush.learning.initial_conditions import body_of
+
+    return body_of([evidence])
+
+
+def vision():
+    from flockbrush.learning.rollout import VISION
+
+    return VISION
+
+
+def test_turns_from_the_wall_are_told_from_turns_with_neighbours(file):
+    """With the wall the true numbers foretell turns better than without it, and the wall's own are learned."""
+    theta, told = theta_of(PARAMS), {}
+    for arena in (None, TANK):
+        turns = turns_of(seen_in(file, arena), params=PARAMS)
+        told[arena] = likelihood(turns, predicted(turns, theta, PARAMS))
+    assert told[TANK] > told[None] + 0.2
+    from flockbrush.learning.turns import fit_turns
+
+    turns = turns_of(seen_in(file, TANK), params=PARAMS)
+    begin = theta.copy()
+    begin[9:12] = 0.1, 0.5, 0.9
+    fit = fit_turns(turns, begin, PARAMS)
+    assert fit.theta[9] == pytest.approx(PARAMS.obstacle_weight, rel=0.35) and np.isfinite(fit.deviation[9])
+
+
+def test_how_strongly_animals_turn_from_the_wall_is_learned(file):
+    few = SearchSettings(starts=3, quick=True, budget_s=2.0, brushes=False)
+    found = learn(seen_in(file, TANK), few)
+    strength = found.params.obstacle_weight * found.params.sensitivity
+    assert found.identifiable[9] and 0.5 < strength / (PARAMS.obstacle_weight * PARAMS.sensitivity) < 3.0
+
+
+def test_a_ring_has_two_closed_lines():
+    edges = ring(Arena("rectangle", (1.0, 1.0, 0.0, 0.0)).corners, (-1.0, -1.0), (2.0, 2.0))
+    for line in (edges[:4], edges[4:]):
+        for one, other in itertools.pairwise([*line, line[0]]):
+            np.testing.assert_array_equal(one[2:4], other[:2])
+    area = [0.5 * np.sum(line[:, 0] * line[:, 3] - line[:, 2] * line[:, 1]) for line in (edges[:4], edges[4:])]
+    assert area == pytest.approx([9.0, -1.0])  # the hole runs the other way round
