@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy import ndimage
 
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError
@@ -137,6 +138,20 @@ class Fields:
             seen[:, 1:-1, 1:-1] & seen[:, :-2, 1:-1] & seen[:, 2:, 1:-1] & seen[:, 1:-1, :-2] & seen[:, 1:-1, 2:]
         )
         return bool((density * (seen & ~inner)).sum() <= AT_EDGE * max(density.sum(), 1e-12))
+
+    @cached_property
+    def rims(self) -> np.ndarray:
+        """(T, ny, nx) bool: the cells at the border of the picture."""
+        return np.array([seen & ~ndimage.binary_erosion(seen) for seen in self.seen])
+
+    @cached_property
+    def shows_part(self) -> bool:
+        """Whether animals are at the border of the picture in any frame, where they come and go."""
+        at_edge = self.at_edge
+        if at_edge is None:
+            there = zip(np.nan_to_num(self.density), self.rims, strict=True)
+            at_edge = np.array([d[rim].sum() for d, rim in there]) * self.cell**2 / np.maximum(self.count, 1)
+        return bool((at_edge > AT_EDGE).any())
 
     def cells_of(self, xy):
         """(row, column, inside) of points (n, 2) BL; those outside are clipped to the border and not ``inside``."""

@@ -29,7 +29,6 @@ from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel
 from flockbrush.behaviours.wander import random_turns, wander_kernel
 from flockbrush.engine.noise import Noise
-from flockbrush.film.observations import AT_EDGE
 from flockbrush.learning.perceive import NO_OWNER, cosine_of, half_and_radius, leader_rule, walls_in_sight
 from flockbrush.learning.world_rollout import between, needs_world, world_looks
 from flockbrush.systems.contact import move
@@ -162,17 +161,11 @@ class Gates:
     @classmethod
     def of(cls, fields):
         """From `Fields`; None where the picture holds the whole herd all the time."""
-        if fields.at_edge is not None and not (fields.at_edge > AT_EDGE).any():
+        if not fields.shows_part:
             return None
         speed = np.hypot(fields.velocity[..., 0], fields.velocity[..., 1])
         density, entry = np.nan_to_num(fields.density), []
-        rims = [seen & ~ndimage.binary_erosion(seen) for seen in fields.seen]
-        crowd = np.array([d[rim].sum() for d, rim in zip(density, rims, strict=True)]) * fields.cell**2
-        at_edge = crowd / np.maximum(fields.count, 1) if fields.at_edge is None else fields.at_edge
-        leaving = bool((at_edge > AT_EDGE).any())
-        if not leaving:
-            return None
-        for t, rim in enumerate(rims):
+        for t, rim in enumerate(fields.rims):
             entry.append(_inward(fields, t, rim & (density[t] > 0) & (np.nan_to_num(speed[t]) > 0)))
         origin = np.asarray(fields.origin, float)
         return cls(origin, fields.cell, fields.fps, fields.seen, np.asarray(fields.count, float), entry)

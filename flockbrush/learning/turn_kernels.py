@@ -16,7 +16,6 @@ from numba import njit
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, store, total, totals, where
 from flockbrush.engine.maths import atan2_, sincos_
-from flockbrush.learning.rollout import Gates
 from flockbrush.systems.contact import DEFLECT, SKIN, _nearest, towards_body_
 
 REACH = 4.0  # BL: a radial range of 1
@@ -58,7 +57,7 @@ def is_inside(evidence, frames, reach):
     (n,) bool ndarray
         For all sightings of these frames, one after the other.
     """
-    seen, fields, cut = evidence.sightings, evidence.fields, Gates.of(evidence.fields) is not None
+    seen, fields, cut = evidence.sightings, evidence.fields, evidence.fields.shows_part
     if not cut and (fields.at_edge is not None or fields.seen.all()):
         return np.ones(sum(seen.first[t + 1] - seen.first[t] for t in frames), bool)
     out, ways = [], np.arange(8) * np.pi / 4

@@ -24,7 +24,6 @@ from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.initial_conditions import body_of
 from flockbrush.learning.likelihood import Likelihood, likelihoods
 from flockbrush.learning.next_step import NextSteps, log_density, mean_score, wrapped
-from flockbrush.learning.rollout import Gates
 from flockbrush.learning.turns import Turns, all_turns, seen_otherwise, turns_of
 
 HERD = "herd"
@@ -141,7 +140,7 @@ def problem_of(clips: Sequence[Evidence]) -> str:
     for clip in clips:
         if not told_apart(clip):
             return "single animals could not be separated, and models are compared by the turns of single animals"
-        if Gates.of(clip.fields) is not None:
+        if clip.fields.shows_part:
             return "it shows a part of a herd; other models than herd need the whole herd"
         if clip.fields.obstacle.any():
             return "it shows obstacles; other models than herd need open ground"
