@@ -91,8 +91,7 @@ def learn(
     frames : (int, int), optional
         First and last frame to use, both included.
     arena : str, optional
-        Wall around tracked animals: "circle" or "rectangle" for the smallest that holds them, "circle:X,Y,R" or
-        "rectangle:X0,Y0,X1,Y1" in the unit of the tracks.
+        Wall around tracked animals, as for ``--arena``: "circle" or "rectangle" (the smallest), or with numbers.
     name : str
         Of the brush.
     report : path, optional
@@ -130,9 +129,7 @@ def learn(
 
     Examples
     --------
-    >>> import flockbrush
     >>> result = flockbrush.learn("sheep.csv", unit="m", fps=10, body_length=1.2)  # doctest: +SKIP
-    >>> print(result.verdict)  # doctest: +SKIP
     >>> result.parameter("alignment_weight").told  # doctest: +SKIP
     '.098 ± .018'
     """
@@ -141,12 +138,7 @@ def learn(
 
     given: list = list(tracks) if isinstance(tracks, Sequence) and not isinstance(tracks, str) else [tracks]
     of_tracks = all(isinstance(one, np.ndarray) or is_tracks(one) for one in given)
-    looking = replace(
-        _looking(unit, body_length, of_tracks),
-        frames=frames,
-        fps=fps,
-        arena=None if arena is None else Arena.read(arena),
-    )
+    looking = replace(_looking(unit, body_length, of_tracks, arena), frames=frames, fps=fps)
     with tempfile.TemporaryDirectory(prefix="flockbrush-learn-") as folder:
         wishes = LearnOptions(
             clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],
@@ -158,7 +150,7 @@ def learn(
     return result_of(found)
 
 
-def _looking(unit, body_length, of_tracks) -> Looking:
+def _looking(unit, body_length, of_tracks, arena) -> Looking:
     """How tracks or films are looked at; the length counts in the unit that tracks name themselves."""
     if unit is not None and unit not in UNITS:
         raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {unit!r}")
@@ -167,7 +159,7 @@ def _looking(unit, body_length, of_tracks) -> Looking:
     in_pixels = unit == "px" or (unit is None and of_tracks)
     return Looking(
         unit=unit, body_length_px=body_length if in_pixels else None,
-        body_length_m=None if unit == "px" else body_length,
+        body_length_m=None if unit == "px" else body_length, arena=None if arena is None else Arena.read(arena),
     )  # fmt: skip
 
 

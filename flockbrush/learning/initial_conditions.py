@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
@@ -10,13 +12,14 @@ from flockbrush.behaviours.brush import BodySpec, SpeedSpec
 from flockbrush.film.observations import Evidence
 from flockbrush.film.speeds import joined
 from flockbrush.learning.herd_views import told_apart
-from flockbrush.learning.rollout import DT, HerdStart, Walls
+from flockbrush.learning.rollout import DT, OPEN, HerdStart, Surroundings, Walls
 from flockbrush.systems.measures import compute_nnd
 
 TOUCHING = 0.04  # share of animals lying on another as capsules, above which bodies are taken for discs
 UNEVEN = 0.15  # of the mean: speeds that differ less between crowded and empty places are taken for the same
 LEAST_OWN = 0.2  # of the spread of speeds is the animals' own, whatever crowding explains
 TRIES = 30  # places looked at for each animal
+BESIDE = 0.25  # BL from an obstacle, to where animals are put that would be in it
 
 
 def speed_of(evidences: list[Evidence]) -> SpeedSpec:
@@ -208,6 +211,15 @@ def resized(start: HerdStart, factor: float, seed=0) -> HerdStart:
         xy = xy + _aside(chosen, n, _gap(start.xy))
     speed = None if start.speed is None else start.speed[chosen]
     return HerdStart(xy, start.forward[chosen], speed)
+
+
+def resized_among(start: HerdStart, walls: Walls | None, factor: float, seed=0) -> tuple[HerdStart, Surroundings]:
+    """`resized`, and the obstacles around: they grow as the herd does, so that it finds room in an arena."""
+    herd = resized(start, factor, seed)
+    if walls is None or not len(herd):
+        return herd, OPEN
+    walls = walls.grown(np.sqrt(factor), start.xy.mean(0))
+    return replace(herd, xy=walls.outside(herd.xy, BESIDE)), Surroundings(walls)
 
 
 def _gap(xy):

@@ -449,13 +449,14 @@ def _compare(found: Findings, wishes, interrupts, photo):
     brush = found.compared_brush
     asked = found.brush, start_of(frames, 0, 0, found.brush.body), wishes.seed
     starts = None if photo or wishes.quick else wishes.helpers.later(with_other_starts, *asked)
-    counts = wishes.helpers.later(with_other_numbers, *asked) if starts is None else None  # one thing beside the rest
+    sizes = *asked, frames.fields
+    counts = wishes.helpers.later(with_other_numbers, *sizes) if starts is None else None  # one thing beside the rest
     runs = [simulated(frames, brush, seed) for seed in range(1 if wishes.quick else RUNS)]
     found.comparison = compared(frames, runs)
     if wishes.report is not None:
         many = MOMENTS_OF_PHOTO if photo else MOMENTS
         found.moments = moments_beside(wishes.clips[0], frames, runs[0], brush, many)
-    found.counts = with_other_numbers(*asked) if counts is None else counts.result()
+    found.counts = with_other_numbers(*sizes) if counts is None else counts.result()
     found.starts = [] if starts is None else starts.result()
 
 

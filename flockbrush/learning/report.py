@@ -328,7 +328,7 @@ def _counts(page, findings):
         return
     page.head("With other numbers of animals")
     page.say(
-        f"Herds of the same density, simulated for {SECONDS:g} s on an endless plane; means over the last ten seconds. "
+        f"Herds of the same density, simulated for {SECONDS:g} s {findings.ground}; means over the last ten seconds. "
         + (
             f"Not kept: measures that differ from the clip by more than {KEPT:g}, corrected for chance in small herds."
             if findings.motion

@@ -99,7 +99,12 @@ class Findings:
             f"neighbour {r['spacing']:.2f} BL{not_kept(r)}"
             for r in self.counts
         )
-        return f"On an endless plane, 10 to 20 s after a start like that of the clip: {told}." if told else ""
+        return f"{self.ground.capitalize()}, 10 to 20 s after a start like that of the clip: {told}." if told else ""
+
+    @property
+    def ground(self) -> str:
+        """Where herds of other sizes are simulated, in words."""
+        return "among obstacles that grow with the herd" if self.whole.fields.obstacle.any() else "on an endless plane"
 
     def starts_sentence(self) -> str:
         """From which other starts herds come to the clip's polarization and milling; "" where that is not known."""

@@ -18,7 +18,7 @@ from flockbrush.film.observations import Evidence
 from flockbrush.learning.battery import SHORTEST, Battery
 from flockbrush.learning.confounding import correlation_of
 from flockbrush.learning.herd_views import followed
-from flockbrush.learning.initial_conditions import body_of, resized, speed_of, start_of
+from flockbrush.learning.initial_conditions import body_of, resized_among, speed_of, start_of
 from flockbrush.learning.interaction import interaction_of
 from flockbrush.learning.learned_parameters import forces_of
 from flockbrush.learning.response import SPAN, correction, response, scatters, turns_seen
@@ -420,13 +420,14 @@ def keep(given: Setting, theta, extras, seed, factor):
         if factor == 1.0:
             strayed.append(_strayed(_compared(given, clip, target, theta, extras, [seed, k, 2], last, STAY, DT)))
             continue
-        herd = resized(start_of(clip, last, seed, given.body), factor, seed)
+        herd, around = resized_among(start_of(clip, last, seed, given.body), _around(clip).walls, factor, seed)
         if not 2 <= len(herd) <= TOO_MANY:
             continue
         brush = given.brush(theta, extras)
         run = rollout(
-            herd, brush.params, brush.speed, given.body, brush.vision, seconds=STAY, fps=LOOKS / STAY, seed=seed
-        )
+            herd, brush.params, brush.speed, given.body, brush.vision, seconds=STAY, fps=LOOKS / STAY, seed=seed,
+            around=around,
+        )  # fmt: skip
         parts = _not_ignored(given, order_off(run, clip, target))
         if parts:  # a photograph shows neither order nor turning
             strayed.append(_strayed(parts))

@@ -9,14 +9,18 @@ from flockbrush.behaviours.brush import SpeedSpec
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.engine.problems import ProblemsError
 
+import flockbrush
 from flockbrush.cli.main import called
 from flockbrush.film.arena import Arena, ring
 from flockbrush.film.looking import Looking
 from flockbrush.film.open_clip import look_at, looked_apart
+from flockbrush.film.track_files import read_trajectories
+from flockbrush.learning.group_size_test import with_other_numbers
+from flockbrush.learning.initial_conditions import body_of, resized_among, start_of
 from flockbrush.learning.recipe import learn
-from flockbrush.learning.rollout import HerdStart, Surroundings, Walls, rollout, theta_of
+from flockbrush.learning.rollout import VISION, HerdStart, Surroundings, Walls, rollout, theta_of
 from flockbrush.learning.trials import SearchSettings, simulate
-from flockbrush.learning.turns import likelihood, predicted, turns_of
+from flockbrush.learning.turns import fit_turns, likelihood, predicted, turns_of
 
 RADIUS, FPS = 8.0, 16.0
 PARAMS = Params(alignment_weight=0.05, obstacle_weight=0.4, wander=0.3, neighbour_range=4.0, leader_neighbours=-1)
@@ -82,8 +86,6 @@ def test_an_arena_that_is_found_is_the_smallest_that_holds_all(file):
 
 
 def _tracks(path):
-    from flockbrush.film.track_files import read_trajectories
-
     return read_trajectories(path, "m", FPS)
 
 
@@ -124,22 +126,10 @@ def test_animals_are_kept_in_it_and_seen_to_be_where_they_are(file):
     assert fields.holds_all and 0.2 < fields.obstacle.mean() < 0.8
     assert np.nan_to_num(fields.density)[:, fields.obstacle].sum() < 0.02 * np.nan_to_num(fields.density).sum()
     for clip, held in ((evidence, True), (seen_in(file), False)):
-        run = simulate(clip, PARAMS, SPEED, evidence_body(evidence), vision(), 3, seconds=15.0)
+        run = simulate(clip, PARAMS, SPEED, body_of([evidence]), VISION, 3, seconds=15.0)
         far = np.hypot(*(run.xy - (20.0, 10.0)).T)
         assert (far.max() < RADIUS) == held, far.max()
         assert held or far.max() > 2 * RADIUS
-
-
-def evidence_body(evidence):
-    from flockbrush.learning.initial_conditions import body_of
-
-    return body_of([evidence])
-
-
-def vision():
-    from flockbrush.learning.rollout import VISION
-
-    return VISION
 
 
 def test_turns_from_the_wall_are_told_from_turns_with_neighbours(file):
@@ -149,8 +139,6 @@ def test_turns_from_the_wall_are_told_from_turns_with_neighbours(file):
         turns = turns_of(seen_in(file, arena), params=PARAMS)
         told[arena] = likelihood(turns, predicted(turns, theta, PARAMS))
     assert told[TANK] > told[None] + 0.2
-    from flockbrush.learning.turns import fit_turns
-
     turns = turns_of(seen_in(file, TANK), params=PARAMS)
     begin = theta.copy()
     begin[9:12] = 0.1, 0.5, 0.9
@@ -172,3 +160,23 @@ def test_a_ring_has_two_closed_lines():
             np.testing.assert_array_equal(one[2:4], other[:2])
     area = [0.5 * np.sum(line[:, 0] * line[:, 3] - line[:, 2] * line[:, 1]) for line in (edges[:4], edges[4:])]
     assert area == pytest.approx([9.0, -1.0])  # the hole runs the other way round
+
+
+@pytest.mark.parametrize("factor", [0.25, 4.0])
+def test_an_arena_grows_with_the_herd_and_holds_it(factor, file):
+    evidence = seen_in(file, TANK)
+    start = start_of(evidence)
+    herd, around = resized_among(start, Walls.of(evidence.fields), factor, 1)
+    assert len(herd) == round(24 * factor) and around.walls is not None
+    inner = around.walls.ends[4:, :2]
+    middle = start.xy.mean(0) + np.sqrt(factor) * ((20.0, 10.0) - start.xy.mean(0))
+    np.testing.assert_allclose(np.hypot(*(inner - middle).T).min(), np.sqrt(factor) * RADIUS, rtol=0.01)
+    run = rollout(herd, PARAMS, SPEED, seconds=10.0, fps=2.0, seed=1, around=around)
+    assert np.hypot(*(run.xy - middle).T).max() < np.sqrt(factor) * RADIUS
+    row = with_other_numbers(brush_in(), start, 0, evidence.fields, [factor], 10.0)[0]
+    free = with_other_numbers(brush_in(), start, 0, None, [factor], 10.0)[0]
+    assert row["spacing"] < 0.7 * free["spacing"]  # in the open they part
+
+
+def brush_in():
+    return flockbrush.shipped().get("march").model_copy(update={"params": PARAMS, "speed": SPEED})
