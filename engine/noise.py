@@ -16,11 +16,13 @@ from __future__ import annotations
 import struct
 import zlib
 from functools import lru_cache
+from operator import index
 
 import numpy as np
 from flockbrush.engine.maths import float_of_, kernel_function, log_
 from numba import njit
 
+LARGEST_SEED = 2**63 - 1  # that files keep
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2**64 over the golden ratio: far apart for neighbouring counts
 _FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _30, _27, _31, _12 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(12)
@@ -147,6 +149,13 @@ def normals(key, ids):
     out = np.empty((len(ids), 1))
     _fill_normal(key, np.asarray(ids, np.int64), out)
     return out[:, 0]
+
+
+def seed_of(seed) -> int:
+    """A seed as recordings keep it: an integer from 0 to `LARGEST_SEED`; TypeError or ValueError for anything else."""
+    if not 0 <= index(seed) <= LARGEST_SEED:
+        raise ValueError(f"seed must be a whole number from 0 to {LARGEST_SEED}, got {seed}")
+    return index(seed)
 
 
 class Noise:

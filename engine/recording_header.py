@@ -6,8 +6,8 @@ import math
 from pathlib import PurePosixPath
 
 from flockbrush.engine import limits
+from flockbrush.engine.noise import LARGEST_SEED
 
-LARGEST_SEED = 2**63 - 1
 _DIGITS = frozenset("0123456789abcdef")
 
 

@@ -17,7 +17,7 @@ from flockbrush.components import AGENT
 from flockbrush.components.level_things import ENUMS
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import Commands, from_record, tick_at
-from flockbrush.engine.noise import Noise
+from flockbrush.engine.noise import Noise, seed_of
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.engine.schedule import Schedule
 from flockbrush.engine.world import World
@@ -193,7 +193,7 @@ def build(
     palette = _palette(level, library)
     for resource in (
         Clock(DT),
-        Noise(index(level.seed if seed is None else seed)),
+        Noise(seed_of(level.seed if seed is None else seed)),
         Commands(),
         SpeciesList(species, getattr(library, "species", None) or shipped_species()),
         palette,

@@ -125,9 +125,15 @@ def _of_tracks(path, looking, every):
 
 def _of_table(path, table, every):
     """The same of the table of a run, with the parts of its last frame."""
+    notes = []
+    if table.empty:
+        notes.append(
+            f"{table.empty} of {len(table)} frames have no animals, and count as such; if rows were taken out of the "
+            f"table, remove {Path(path).name}.json and give --unit m"
+        )
     about = {
         "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest(), "fps": table.about.fps, "unit": "m",
-        "animals": len(np.unique(table.numbers["id"])), "notes": [],
+        "animals": len(np.unique(table.numbers["id"])), "notes": notes,
     }  # fmt: skip
     parts = table.parts() | {"states": table.states(), "transitions": table.transitions()}
     return about, series_of_table(table, every), parts

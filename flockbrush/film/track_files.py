@@ -20,7 +20,7 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film import track_arrays as arrays
 from flockbrush.film import track_formats as formats
-from flockbrush.film.track_table import TrackTable
+from flockbrush.film.track_table import SAME_RATE, TrackTable
 
 UNITS = "m", "px", "bl"
 ENDINGS = ".csv", ".tsv", ".parquet", ".nc", ".h5", ".hdf5", ".npy", ".npz"
@@ -29,7 +29,6 @@ DAMAGE = (  # what libraries raise at files that are not whole
     SyntaxError, tokenize.TokenError,
 )  # fmt: skip
 FEWEST = 8  # frames in which an animal must be seen
-SAME_RATE = 0.01  # of a rate: one that is given may be off from the file's by so much
 TURNED = 2 * np.pi + 1e-3  # rad: headings are within
 
 

@@ -16,9 +16,20 @@ from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
-from flockbrush.film.track_table import WRAPPED, TrackTable, begun, beside, check_size, line_word, part_middle, placed
+from flockbrush.film.track_table import (
+    WRAPPED,
+    TrackTable,
+    begun,
+    beside,
+    check_rate,
+    check_size,
+    line_word,
+    metres,
+    part_middle,
+    placed,
+    rate_of,
+)  # fmt: skip
 
-EARTH = 111_319.49079327358  # m of a degree at the equator
 NAMES = {  # what columns are called, the first that is there is taken
     "id": ("id", "track_id", "trackid", "track", "individual", "individual-local-identifier", "tag-local-identifier",
            "animal", "animal_id", "object", "particle", "name"),
@@ -171,7 +182,8 @@ def _utc(cell):
 
 def _long_table(path, header, where, columns, names, animal, lines, degrees=False):
     """The table of rows of named animals, from any kind of file; ``lines`` says where they are."""
-    about, notes = beside(path), []
+    about = beside(path)
+    notes = [WRAPPED] if about.get("boundary") == "wrap" else []
     x, y = columns["x"], columns["y"]
     nameless = np.array([not name for name in names])[animal]
     if nameless.any():
@@ -184,14 +196,16 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         raise refused(path, "no row has an id and a position")
     unit = about.get("unit") if about.get("unit") in ("m", "px", "bl") else None
     if degrees:
-        x, y = _metres(path, x, y, valid)
+        x, y = metres(path, x, y, valid)
         unit = "m"
     else:
         unit = unit or _unit_of_name(header[where["x"]])
     fps = about.get("fps") if isinstance(about.get("fps"), int | float) else None
     if where["frame"] is not None:
         frames = _whole(path, columns["frame"][valid])
-        fps = fps or _rate(columns["frame"], columns.get("time"))
+        if fps:
+            check_rate(path, fps, columns["frame"], columns.get("time"))
+        fps = fps or rate_of(columns["frame"], columns.get("time"))
     else:
         frames, fps, off = _frames_of_times(path, columns["time"][valid], animal[valid])
     heading = None if degrees or "heading" not in columns else columns["heading"][valid]
@@ -211,24 +225,6 @@ def _unit_of_name(name):
     if name in ("utm-easting", "x_m"):
         return "m"
     return {"x_px": "px", "x_bl": "bl"}.get(name)
-
-
-def _metres(path, longitude, latitude, valid):
-    """Metres east and north of the middle, by a plate carrée that is true there."""
-    if not ((np.abs(latitude[valid]) <= 90).all() and (np.abs(longitude[valid]) <= 360).all()):
-        raise refused(path, "location-lat must be -90 to 90 and location-long -360 to 360 degrees")
-    middle = np.median(longitude[valid]), np.median(latitude[valid])
-    return (longitude - middle[0]) * EARTH * np.cos(np.radians(middle[1])), (latitude - middle[1]) * EARTH
-
-
-def _rate(frames, times):
-    """Frames a second where a table has both; None where it has no times."""
-    if times is None:
-        return None
-    known = np.isfinite(times) & np.isfinite(frames)
-    if not known.any() or np.ptp(frames[known]) < 1 or not np.ptp(times[known]) > 0:
-        return None
-    return float(np.ptp(frames[known]) / np.ptp(times[known]))
 
 
 def _frames_of_times(path, times, animal):
@@ -398,7 +394,7 @@ def _idtracker(path, header, rows) -> TrackTable:
     columns = [place[f"{axis}{k}"] for k in animals for axis in "xy"]
     values = _grid(path, rows, [*columns, *([] if time is None else [time])])
     xy = values[:, : len(columns)].reshape(len(values), -1, 2)
-    fps, start = (None, 0.0) if time is None else (_rate(np.arange(len(xy)), values[:, -1]), begun(values[:, -1]))
+    fps, start = (None, 0.0) if time is None else (rate_of(np.arange(len(xy)), values[:, -1]), begun(values[:, -1]))
     return TrackTable(xy, [str(k) for k in animals], np.arange(len(xy)), fps, "px", start=start)
 
 
@@ -420,7 +416,7 @@ def _trex_table(path, header, rows) -> TrackTable:
     column_names = [name for name in (x, y, "frame", "time") if name in header]
     columns = dict(zip(column_names, _grid(path, rows, [header.index(name) for name in column_names]).T, strict=True))
     frames = _whole(path, columns.get("frame", np.arange(len(columns[x]))))
-    return _of_one(path, frames, np.column_stack([columns[x], columns[y]]), _rate(frames, columns.get("time")), unit)
+    return _of_one(path, frames, np.column_stack([columns[x], columns[y]]), rate_of(frames, columns.get("time")), unit)
 
 
 def _of_one(path, frames, xy, fps, unit):
@@ -450,7 +446,7 @@ def trex_file(path) -> TrackTable:
     if "missing" in arrays:
         xy[arrays["missing"].astype(bool)] = np.nan
     rate = arrays.get("frame_rate")
-    fps = float(rate[0]) if rate is not None and len(rate) else _rate(frames, arrays.get("time"))
+    fps = float(rate[0]) if rate is not None and len(rate) else rate_of(frames, arrays.get("time"))
     return _of_one(path, frames, xy, fps, unit)
 
 

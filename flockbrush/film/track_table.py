@@ -11,7 +11,12 @@ import numpy as np
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 
-WRAPPED = "the level of this run is wrapped: across its edges distances are too large; measure its CSV or recording"
+WRAPPED = (
+    "the level of this run is wrapped: across its edges distances are too large; measure its recording, or its CSV "
+    "without options"
+)
+EARTH = 111_319.49079327358  # m of a degree at the equator
+SAME_RATE = 0.01  # of a rate: what a person or another file says may be off from the file's by so much
 SURE = 0.6  # confidence of a body part, below which it is taken as not seen
 
 
@@ -85,10 +90,8 @@ def placed(path, frames, names, animal, xy, heading=None, lines=None):
     first, length = int(frames.min()), int(frames.max()) - int(frames.min()) + 1
     check_size(path, length, len(present))
     flat = (frames - first) * len(present) + column[animal]
-    order = np.argsort(flat, kind="stable")
-    twice = np.flatnonzero(np.diff(flat[order]) == 0)
-    if len(twice):
-        one, row = order[twice[0]], order[twice[0] + 1]
+    if twice := rows_twice(frames, column[animal]):
+        one, row = twice
         where = "" if lines is None else f" ({line_word(path)}s {lines[one]} and {lines[row]})"
         raise refused(path, f"animal {names[animal[row]][:80]} is in frame {frames[row]} twice{where}")
     grid = np.full((length * len(present), 2), np.nan)
@@ -126,6 +129,42 @@ def part_middle(places, weights):
     count = good.sum(0)
     total = np.where(good[..., None], np.nan_to_num(places), 0.0).sum(0)
     return np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None], np.nan)
+
+
+def metres(path, longitude, latitude, valid):
+    """Metres east and north of the middle, by a plate carrée that is true there."""
+    if not ((np.abs(latitude[valid]) <= 90).all() and (np.abs(longitude[valid]) <= 360).all()):
+        raise refused(path, "location-lat must be -90 to 90 and location-long -360 to 360 degrees")
+    middle = np.median(longitude[valid]), np.median(latitude[valid])
+    return (longitude - middle[0]) * EARTH * np.cos(np.radians(middle[1])), (latitude - middle[1]) * EARTH
+
+
+def rate_of(frames, times) -> float | None:
+    """Frames a second of rows that have both numbers (k,); None where they do not tell, or there are no times."""
+    if times is None:
+        return None
+    known = np.isfinite(times) & np.isfinite(frames)
+    if not known.any() or np.ptp(frames[known]) < 1 or not np.ptp(times[known]) > 0:
+        return None
+    return float(np.ptp(frames[known]) / np.ptp(times[known]))
+
+
+def check_rate(path, fps, frames, times):
+    """ProblemsError where frames and times (k,) contradict the frame rate of the metadata beside a table."""
+    rate = rate_of(frames, times)
+    if rate is not None and abs(rate / fps - 1.0) > SAME_RATE + 0.5 / max(np.nanmax(frames) - np.nanmin(frames), 1.0):
+        other = Path(path).name + ".json"
+        message = (
+            f"its times say {rate:.6g} frames per second, {other} beside it says {fps:g}: correct or remove {other}"
+        )
+        raise refused(path, message)
+
+
+def rows_twice(frames, animals) -> tuple[int, int] | None:
+    """The first two rows with the same frame and animal, of the first such frame; None where there are none."""
+    order = np.lexsort((animals, frames))
+    same = np.flatnonzero((np.diff(frames[order]) == 0) & (np.diff(animals[order]) == 0))
+    return (int(order[same[0]]), int(order[same[0] + 1])) if len(same) else None
 
 
 def beside(path) -> dict:

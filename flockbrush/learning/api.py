@@ -80,8 +80,8 @@ def learn(
     Parameters
     ----------
     tracks : path or (frames, animals, 2) ndarray, or a sequence of them
-        Files that ``flockbrush learn`` reads; arrays have NaN where an animal was not seen.  Of several, each is held
-        out in turn.
+        Files that ``flockbrush learn`` reads; arrays have NaN, or are masked, where an animal was not seen.  Of
+        several, each is held out in turn.
     unit : {"m", "px", "bl"}, optional
         Of the places; required for arrays and for files that do not say it.  y points up, in pixels down.
     fps : float, optional
@@ -125,7 +125,7 @@ def learn(
     ProblemsError
         When the tracks cannot be read or learned from.
     ValueError
-        For a unit, body length or arena that is none.
+        For a unit, body length, arena or number that is none.
 
     Examples
     --------
@@ -136,7 +136,7 @@ def learn(
     from flockbrush.learning.learn import LearnOptions, learn_brushes
     from flockbrush.runs.cluster import Tls
 
-    given: list = list(tracks) if isinstance(tracks, Sequence) and not isinstance(tracks, str) else [tracks]
+    given = _given(tracks, options)
     of_tracks = all(isinstance(one, np.ndarray) or is_tracks(one) for one in given)
     looking = replace(_looking(unit, body_length, of_tracks, arena), frames=frames, fps=fps)
     with tempfile.TemporaryDirectory(prefix="flockbrush-learn-") as folder:
@@ -148,6 +148,17 @@ def learn(
         )  # fmt: skip
         found = learn_brushes(wishes)[0]
     return result_of(found)
+
+
+def _given(tracks, options) -> list:
+    """The tracks one by one; ValueError where there are none, or where options ask for nothing."""
+    for name in ("starts", "jobs"):
+        if options.get(name, 1) < 1:
+            raise ValueError(f"{name} must be at least 1, got {options[name]!r}")
+    given = list(tracks) if isinstance(tracks, Sequence) and not isinstance(tracks, str) else [tracks]
+    if not given:
+        raise ValueError("there are no tracks to learn from")
+    return given
 
 
 def _looking(unit, body_length, of_tracks, arena) -> Looking:
@@ -168,7 +179,9 @@ def _file(one, number, folder):
     if not isinstance(one, np.ndarray):
         return Path(one)
     path = folder / f"tracks{number + 1}.npy"
-    np.save(path, np.asarray(one, float), allow_pickle=False)
+    if np.iscomplexobj(one):
+        raise ValueError("tracks must be real numbers")
+    np.save(path, np.ma.filled(np.ma.asarray(one, float), np.nan), allow_pickle=False)
     return path
 
 

@@ -109,7 +109,7 @@ def _csv(evidence: Evidence, run: Run) -> str:
         pixels = xy @ to_pixels[:, :2].T + to_pixels[:, 2]
         for k, who in enumerate(run.ids[rows]):
             values = [*xy[k], *forward[k], speed[k], *pixels[k][: len(own)]]
-            writer.writerow([frame, f"{run.times[t]:.5f}", who, *(f"{v:.5g}" for v in values)])
+            writer.writerow([frame, f"{evidence.start + run.times[t]:.5f}", who, *(f"{v:.5g}" for v in values)])
     return text.getvalue()
 
 

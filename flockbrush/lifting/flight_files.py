@@ -12,23 +12,23 @@ from flockbrush.lifting.lift_solver import LiftedFlight
 from flockbrush.output.trajectory_table import COLUMNS
 
 GRAVITY = 9.81  # m/s²
+NUMBERS = "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "pitch", "bank"
 
 
 def write_flight(path, flight: LiftedFlight):
-    """Write a flight as a trajectory table with two more columns, ``pitch`` and ``bank``, radians."""
+    """Write a flight as a trajectory table with one more column, ``bank``, radians."""
     velocity, pitch, bank = attitude(flight.xyz, flight.fps)
-    rows = [",".join((*COLUMNS, "pitch", "bank"))]
+    rows = [",".join((*COLUMNS, "bank"))]
     heading = np.arctan2(velocity[..., 1], velocity[..., 0])
     speed = np.linalg.norm(velocity, axis=-1)
+    words = {"species": "bird", "role": "follower", "reference": "-1"}
     for f in range(len(flight.xyz)):
         for n in np.flatnonzero(np.isfinite(flight.xyz[f, :, 0])):
-            places = (*flight.xyz[f, n], *velocity[f, n], heading[f, n], speed[f, n])
-            numbers = ",".join(f"{value + 0.0:.6f}" for value in places)
+            places = (*flight.xyz[f, n], *velocity[f, n], heading[f, n], speed[f, n], pitch[f, n], bank[f, n])
             frame = flight.first + f
-            rows.append(
-                f"{frame},{frame / flight.fps:.6f},{flight.ids[n]},{numbers},bird,,follower,-1,"
-                f"{pitch[f, n] + 0.0:.6f},{bank[f, n] + 0.0:.6f}"
-            )
+            cells = {"frame": str(frame), "time": f"{frame / flight.fps:.6f}", "id": str(flight.ids[n]), **words}
+            cells |= {name: f"{value + 0.0:.6f}" for name, value in zip(NUMBERS, places, strict=True)}
+            rows.append(",".join(cells.get(name, "") for name in (*COLUMNS, "bank")))
     write_text(Path(path), "\n".join(rows) + "\n")
 
 

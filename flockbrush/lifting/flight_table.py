@@ -11,6 +11,7 @@ from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.film.track_table import rows_twice
 from flockbrush.lifting.lift_solver import LiftedFlight
 
 PLACES = ("frame", "id", "x", "y", "z")  # of a table of flights
@@ -41,8 +42,9 @@ def read_flight(path) -> LiftedFlight:
     missing = [column for column in wanted if column not in header]
     if missing:
         raise ProblemsError([Problem(name, 1, missing[0], "there is no such column")])
-    values = _values(name, rows, wanted, [header.index(column) for column in wanted])
-    return _gridded(name, values, "time" in header)
+    lines = array("q")
+    values = _values(name, rows, wanted, [header.index(column) for column in wanted], lines)
+    return _gridded(name, values, np.frombuffer(lines, np.int64), "time" in header)
 
 
 def wingspan_of(path) -> float | None:
@@ -56,10 +58,12 @@ def wingspan_of(path) -> float | None:
     return float(metres @ spans) / square if square > 0.0 and metres @ spans > 0.0 else None
 
 
-def _values(name, rows, columns, at):
-    """(rows, columns) of numbers; ProblemsError names the first that is none."""
+def _values(name, rows, columns, at, lines=None):
+    """(rows, columns) of numbers, whose ``lines`` are kept; ProblemsError names the first that is none."""
     values = array("d")
     for line, row in rows:
+        if lines is not None:
+            lines.append(line)
         for column, k in zip(columns, at, strict=True):
             cell = row[k].strip() if k < len(row) else ""
             values.append(_float(cell))
@@ -78,8 +82,16 @@ def _float(cell):
         return math.nan
 
 
-def _gridded(name, values, timed):
-    frames, ids = np.round(values[:, 0]).astype(np.int64), np.round(values[:, 1]).astype(np.int64)
+def _gridded(name, values, lines, timed):
+    for column, cells in (("frame", values[:, 0]), ("id", values[:, 1])):
+        if (broken := cells != np.round(cells)).any():
+            message = f"must be a whole number, got {cells[broken][0]:g}"
+            raise ProblemsError([Problem(name, int(lines[broken][0]), column, message)])
+    frames, ids = values[:, 0].astype(np.int64), values[:, 1].astype(np.int64)
+    if twice := rows_twice(frames, ids):
+        one, row = twice
+        message = f"bird {ids[row]} is in frame {frames[row]} twice, here and in line {lines[one]}"
+        raise ProblemsError([Problem(name, int(lines[row]), None, message)])
     first, last = int(frames.min()), int(frames.max())
     birds, column = np.unique(ids, return_inverse=True)
     if last == first:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, ValidationError
 from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.film.track_table import beside
+from flockbrush.film.track_table import beside, check_rate, rows_twice
 from flockbrush.output.trajectory_table import SCHEMA
 from flockbrush.systems.groups import parts_of
 from flockbrush.systems.measures import herd_measures
@@ -53,6 +53,11 @@ class RunTable:
     def time(self, frame):
         """Seconds of a frame."""
         return float(self.numbers["time"][0] + (frame - self.numbers["frame"][0]) / self.about.fps)
+
+    @property
+    def empty(self) -> int:
+        """How many frames have no rows."""
+        return int((np.diff(self.first) == 0).sum())
 
     def rows(self, frame):
         """The rows of a frame, which may be counted from the last one."""
@@ -131,11 +136,12 @@ def read_run_table(path) -> RunTable | None:
     known = (*NUMBERS, PITCH) if PITCH in header else NUMBERS
     at = [header.index(name) for name in known]
     words = {name: header.index(name) for name in WORDS if name in header}
-    values, texts = array("d"), {name: array("q") for name in words}
+    values, lines, texts = array("d"), array("q"), {name: array("q") for name in words}
     codes: dict[str, int] = {}
     for line, row in table:
         if len(row) != len(header):
             raise ProblemsError([Problem(str(path), line, None, f"has {len(row)} cells, not {len(header)}")])
+        lines.append(line)
         for name, column in zip(known, at, strict=True):
             values.append(_number(path, line, name, row[column]))
         for name, column in words.items():
@@ -144,7 +150,13 @@ def read_run_table(path) -> RunTable | None:
     order, names = np.argsort(numbers[:, 0], kind="stable"), np.array(list(codes) or [""])
     if not len(order):
         return None
+    if twice := rows_twice(numbers[:, 0], numbers[:, 2]):
+        one, row = twice
+        frame, who = int(numbers[row, 0]), int(numbers[row, 2])
+        message = f"animal {who} is in frame {frame} twice, here and in line {lines[one]}"
+        raise ProblemsError([Problem(str(path), lines[row], None, message)])
     numbers = numbers[order]
+    check_rate(path, about.fps, numbers[:, 0], numbers[:, 1])
     count = max(int(numbers[-1, 0]) + 1, about.frames or 0)
     if not 0 <= numbers[0, 0] <= count <= limits.TRACK_FRAMES:
         raise ProblemsError([Problem(str(path), None, "frame", f"must be 0 to {limits.TRACK_FRAMES:g}")])

@@ -19,6 +19,7 @@ from flockbrush.behaviours.brush import SUFFIX, load_brush
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.keyframe_spacing import KeyframeSpacing
+from flockbrush.engine.noise import seed_of
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.engine.recording import MANY, RecordedRun, Recorder, Recording, RecordingError, resume
 from flockbrush.engine.recording_format import packed_size
@@ -146,7 +147,7 @@ def _objects(layer):
 def begin(level, library, seed=None, agents=None) -> Simulation:
     """Build the simulation of a level that was read, as `start` does; ProblemsError."""
     simulation = _built(level, seed, agents, library)
-    simulation.origin = {"seed": level.seed if seed is None else seed, "agents": agents}
+    simulation.origin = {"seed": seed_of(level.seed if seed is None else seed), "agents": agents}
     return simulation
 
 

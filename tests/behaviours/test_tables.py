@@ -65,6 +65,8 @@ def test_a_quote_that_never_closes_is_refused(table):
 
 
 def test_places_that_are_out_of_all_bounds_are_named(table):
+    for line, said in (("1,1,9,9,9", "bird 1 is in frame 1 twice, here and in line"), ("7.4,1,0,0,0", "got 7.4")):
+        assert said in refusal(table(f"{FLIGHT}{line}\n"), read_flight)
     told = refusal(table(FLIGHT + "5,1,1e300,0,0\n"), read_flight)
     assert told == ":7: x: must be a finite number, at most 1e+12, got '1e300'"
     assert "frames 0 to 999000 with 11 birds are too many; split it into parts" in refusal(

@@ -85,6 +85,24 @@ def test_numbers_whose_errors_go_together_are_named():
 
 
 @pytest.mark.slow
+def test_masked_numbers_are_not_seen_and_complex_ones_are_refused(tmp_path):
+    from flockbrush.learning.api import _file
+
+    xy = np.arange(24.0).reshape(2, 6, 2)
+    again = np.load(_file(np.ma.masked_less(xy, 4.0), 0, tmp_path))
+    assert np.isnan(again[0, :2]).all() and np.array_equal(again[0, 2:], xy[0, 2:])
+    with pytest.raises(ValueError, match="real numbers"):
+        _file(xy + 1j, 0, tmp_path)
+
+
+@pytest.mark.parametrize("wrong", [{"starts": 0}, {"jobs": -1}])
+def test_options_that_ask_for_nothing_are_refused(tracks, wrong):
+    with pytest.raises(ValueError, match="must be at least 1"):
+        flockbrush.learn(tracks, unit="m", fps=16, **wrong)
+    with pytest.raises(ValueError, match="no tracks"):
+        flockbrush.learn([])
+
+
 def test_the_command_learns_from_a_table_with_gaps(tracks, hasty_learning, tmp_path, capsys):
     path = tmp_path / "march.csv"
     rows = [

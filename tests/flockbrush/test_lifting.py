@@ -8,6 +8,7 @@ import pytest
 
 from flockbrush.cli.main import called
 from flockbrush.lifting.flight_files import GRAVITY, attitude
+from flockbrush.output.trajectory_table import COLUMNS
 
 CAMERA = "width = 1280\nheight = 720\nhorizontal_fov_deg = 60\nfps = 30\nmean_speed = 9\nnear = 5\nfar = 200\n"
 
@@ -35,7 +36,10 @@ def test_a_flight_is_written_with_the_columns_of_every_trajectory(film, capsys):
     with open(film / "flock.csv") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 80
-    assert {"frame", "time", "id", "x", "y", "z", "vx", "heading", "speed", "pitch", "bank"} <= set(rows[0])
+    assert tuple(rows[0]) == (*COLUMNS, "bank") and all(None not in row.values() and None not in row for row in rows)
+    assert {row["species"] for row in rows} == {"bird"} and {row["group"] for row in rows} == {""}
+    climb = [np.arctan2(float(row["vz"]), np.hypot(float(row["vx"]), float(row["vy"]))) for row in rows]
+    np.testing.assert_allclose([float(row["pitch"]) for row in rows], climb, atol=1e-5)
     speeds = [float(row["speed"]) for row in rows]
     assert np.mean(speeds) == pytest.approx(9, rel=0.02)
 

@@ -99,6 +99,54 @@ def test_a_table_has_the_frames_in_which_nobody_is_there(cli, tmp_path):
         assert there == pytest.approx(np.array(by_run["series"][name], float), abs=1e-4, nan_ok=True)
 
 
+@pytest.fixture(scope="module")
+def walked(command, tmp_path_factory):
+    """The lines of the table of a run, and the metadata beside it."""
+    csv = tmp_path_factory.mktemp("walked") / "w.csv"
+    command("run", "meadow", "--agents", 12, "--seconds", 3, "--export", csv)
+    return csv.read_text().splitlines(), csv.with_name("w.csv.json").read_text()
+
+
+def test_an_animal_that_is_twice_in_a_frame_is_told_with_both_lines(cli, walked, tmp_path):
+    lines, about = walked
+    (tmp_path / "t.csv").write_text("\n".join([*lines, lines[1]]))
+    (tmp_path / "t.csv.json").write_text(about)
+    done = cli("measure", tmp_path / "t.csv")
+    assert done.code == 1 and f"t.csv:{len(lines) + 1}: animal 1 is in frame 0 twice, here and in line 2" in done.err
+
+
+def test_metadata_that_contradict_the_times_of_their_table_are_refused(cli, walked, tmp_path):
+    lines, about = walked
+    rows = [line.split(",", 1) for line in lines[1:]]
+    fewer = [f"{int(frame) // 4},{rest}" for frame, rest in rows if int(frame) % 4 == 0]
+    (tmp_path / "t.csv").write_text("\n".join([lines[0], *fewer]))
+    (tmp_path / "t.csv.json").write_text(about)
+    for more in ([], ["--unit", "m"]):
+        done = cli("measure", tmp_path / "t.csv", *more)
+        assert done.code == 1 and "8 frames per second, t.csv.json beside it says 32: correct or remove" in done.err
+    (tmp_path / "t.csv.json").unlink()
+    told = json.loads(cli("measure", tmp_path / "t.csv", "--unit", "m", "--json").out)
+    assert told["fps"] == pytest.approx(8)
+
+
+def test_frames_without_rows_are_told(cli, walked, tmp_path):
+    lines, about = walked
+    kept = [line for line in lines[1:] if int(line.split(",")[0]) < 40]
+    (tmp_path / "t.csv").write_text("\n".join([lines[0], *kept]))
+    (tmp_path / "t.csv.json").write_text(about)
+    assert "57 of 97 frames have no animals" in cli("measure", tmp_path / "t.csv").err
+
+
+def test_a_table_of_a_wrapped_level_says_so_where_it_is_read_as_tracks(cli, tmp_path):
+    sketch = LevelSketch(24, 12, 1.0, ".", boundary="wrap")
+    sketch.document.data["tilesets"] = []
+    sketch.box("Spawn", 8, 3, 6, 6, "herd", species="sheep", brush="march", count=6, heading="east")
+    csv = tmp_path / "w.csv"
+    assert cli("run", sketch.save(tmp_path / "w.tmj"), "--seconds", 1, "--export", csv).code == 0
+    assert "is wrapped" in cli("measure", csv, "--unit", "m").err
+    assert "is wrapped" not in cli("measure", csv).err
+
+
 def test_a_table_tells_how_birds_climb(cli, tmp_path):
     run, csv = tmp_path / "lake.flock", tmp_path / "lake.csv"
     assert cli("run", "lake", "--seconds", 6, "--agents", 40, "--record", run, "--export", csv).code == 0

@@ -101,6 +101,12 @@ def test_the_world_has_what_the_systems_ask_for():
     assert simulation.clock.now == 1 / 32
 
 
+@pytest.mark.parametrize("seed", [-1, 2**63, 1.5, "1"])
+def test_a_seed_that_no_recording_could_keep_is_refused(seed):
+    with pytest.raises((ValueError, TypeError)):
+        made(spawn(box(9, 9, 20, 20), "walk", 3), seed=seed)
+
+
 def test_the_seed_of_the_level_counts_unless_another_is_given():
     area = spawn(box(9, 9, 30, 30), "run", 6, None)
     assert state_hash(made(area, seed=1).world) == state_hash(made(area).world)

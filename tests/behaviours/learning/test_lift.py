@@ -87,6 +87,16 @@ def test_smoothing_takes_out_the_noise_and_knows_how_much_there_was():
     assert np.abs(clean.px - truth).mean() < 0.4 * np.abs(noisy.px - truth).mean()
 
 
+@pytest.mark.parametrize("every", [2, 3, 4, 7])
+def test_birds_marked_in_every_nth_frame_are_smoothed_as_if_these_were_all(every):
+    px = filmed(starlings(10, 91), noise=0.5).px
+    gaps = np.full(px.shape, np.nan)
+    gaps[::every] = px[::every]
+    one, other = smoothed(Tracks(gaps, np.arange(10))), smoothed(Tracks(px[::every], np.arange(10)))
+    assert one.noise == pytest.approx(other.noise, rel=0.15) and 0.35 < one.noise < 0.6
+    np.testing.assert_allclose(one.px[::every], other.px, atol=0.5)
+
+
 def test_smoothing_carries_a_bird_through_a_gap():
     tracks = filmed(starlings(3, 60))
     truth = tracks.px.copy()
