@@ -212,8 +212,9 @@ def main(arguments=None):
     if not options.no_switches:
         matrix = switches(names, library)
         say("\n" + "\n".join(switch_table(matrix)))
-        worst = max((d, old, new) for old, row in matrix.items() for new, d in row.items())
-        say(f"\nlargest increase per tick: {worst[0]:.1f}°, from {worst[1]} to {worst[2]}; limit {MOST:.0f}°")
+        if steps := [(d, old, new) for old, row in matrix.items() for new, d in row.items()]:  # of two brushes or more
+            worst = max(steps)
+            say(f"\nlargest increase per tick: {worst[0]:.1f}°, from {worst[1]} to {worst[2]}; limit {MOST:.0f}°")
     if options.json:
         print(json.dumps({"measured": measured, "switches": matrix}))
     return 0
