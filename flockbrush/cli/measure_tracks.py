@@ -37,7 +37,7 @@ def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
     assert sightings is not None  # tracks are of single animals
     length = evidence.body_length_px if evidence.length_unit == "m" else 1.0
     last = len(evidence.fields) - 1
-    frames = [*range(0, last, max(1, round(every * fps))), last]
+    frames = frames_every(last, every, fps)
     headed = np.isin(sightings.track, sightings.track[np.isfinite(sightings.turn)])  # others never moved
     headings, velocities, moments = sightings.forward * headed[:, None], _velocities(sightings, fps), []
     for t in frames:
@@ -51,6 +51,11 @@ def series_of_tracks(evidence: Evidence, every: float) -> dict[str, list]:
     if not moments:
         raise CannotObserve(evidence.name, "has no two animals in the same frame, of those that are measured")
     return as_series(moments)
+
+
+def frames_every(last: int, every: float, fps: float) -> list[int]:
+    """The frames nearest to every so many seconds, and the last one."""
+    return np.unique([*np.round(np.arange(0.0, last, max(every * fps, 1.0))).astype(int), last]).tolist()
 
 
 def _velocities(sightings, fps):
@@ -69,8 +74,7 @@ def _velocities(sightings, fps):
 
 def series_of_table(table: RunTable, every: float) -> dict[str, list]:
     """The measures of the table of a run over time, at the times at which `measure` takes those of its recording."""
-    last = len(table) - 1
-    frames = [*range(0, last, max(1, round(every * table.about.fps))), last]
+    frames = frames_every(len(table) - 1, every, table.about.fps)
     return as_series([{"time": table.time(frame), **table.measures(table.rows(frame))} for frame in frames])
 
 

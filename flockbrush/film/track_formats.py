@@ -30,6 +30,7 @@ from flockbrush.film.track_table import (
     rate_of,
 )  # fmt: skip
 
+OURS = {"vx", "vy", "vz", "speed", "species", "role", "reference"}  # columns of exports, which are in metres
 NAMES = {  # what columns are called, the first that is there is taken
     "id": ("id", "track_id", "trackid", "track", "individual", "individual-local-identifier", "tag-local-identifier",
            "animal", "animal_id", "object", "particle", "name"),
@@ -199,7 +200,7 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         x, y = metres(path, x, y, valid)
         unit = "m"
     else:
-        unit = unit or _unit_of_name(header[where["x"]])
+        unit = unit or ("m" if set(header) >= OURS else _unit_of_name(header[where["x"]]))
     fps = about.get("fps") if isinstance(about.get("fps"), int | float) else None
     if where["frame"] is not None:
         frames = _whole(path, columns["frame"][valid])

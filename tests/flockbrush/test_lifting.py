@@ -44,6 +44,14 @@ def test_a_flight_is_written_with_the_columns_of_every_trajectory(film, capsys):
     assert np.mean(speeds) == pytest.approx(9, rel=0.02)
 
 
+def test_a_flight_is_in_metres_without_being_told(film, capsys):
+    assert lifted(film) == 0
+    capsys.readouterr()
+    assert called(["measure", str(film / "flock.csv"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["unit"], told["fps"], told["animals"]) == ("m", pytest.approx(30), 4)
+
+
 def test_a_mistake_leaves_an_earlier_flight_as_it_was(film, capsys):
     (film / "flock.csv").write_text("precious")
     (film / "tracks.csv").write_text("frame,id,x,y\n1,1,a,2\n")

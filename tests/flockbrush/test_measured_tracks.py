@@ -7,6 +7,7 @@ import pytest
 from flockbrush.levels.sketch import LevelSketch
 
 from flockbrush.cli.measure import as_series
+from flockbrush.cli.measure_tracks import frames_every
 from flockbrush.film.track_files import read_trajectories
 
 
@@ -153,6 +154,14 @@ def test_a_table_tells_how_birds_climb(cli, tmp_path):
     by_run, by_table = (json.loads(cli("measure", path, "--json").out)["series"] for path in (run, csv))
     assert by_table["polarization"] == pytest.approx(by_run["polarization"], abs=1e-4)
     assert by_table["aspect_ratio"] == pytest.approx(by_run["aspect_ratio"], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("last", "every", "fps", "frames"),
+    [(8, 1.0, 2.5, [0, 2, 5, 8]), (96, 1.0, 32.0, [0, 32, 64, 96]), (3, 0.01, 10.0, [0, 1, 2, 3]), (0, 1.0, 10.0, [0])],
+)
+def test_moments_are_the_frames_nearest_to_the_times_asked_for(last, every, fps, frames):
+    assert frames_every(last, every, fps) == frames
 
 
 def test_a_measure_that_comes_later_stays_beside_its_times():
