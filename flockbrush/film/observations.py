@@ -153,6 +153,12 @@ class Fields:
             at_edge = np.array([d[rim].sum() for d, rim in there]) * self.cell**2 / np.maximum(self.count, 1)
         return bool((at_edge > AT_EDGE).any())
 
+    @property
+    def enclosed(self) -> bool:
+        """Whether obstacles are all around, as in an arena."""
+        sides = self.obstacle[0], self.obstacle[-1], self.obstacle[:, 0], self.obstacle[:, -1]
+        return all(side.all() for side in sides)
+
     def cells_of(self, xy):
         """(row, column, inside) of points (n, 2) BL; those outside are clipped to the border and not ``inside``."""
         steps = np.floor((np.asarray(xy, float) - self.origin) / self.cell).astype(int)

@@ -447,9 +447,9 @@ def _compare(found: Findings, wishes, interrupts, photo):
     """Fill in what simulations say: on the frames held out, against others, with other numbers."""
     frames = found.held if found.held is not None else found.clips[0]
     brush = found.compared_brush
-    asked = found.brush, start_of(frames, 0, 0, found.brush.body), wishes.seed
-    starts = None if photo or wishes.quick else wishes.helpers.later(with_other_starts, *asked)
-    sizes = *asked, frames.fields
+    asked, fields = (found.brush, start_of(frames, 0, 0, found.brush.body), wishes.seed), frames.fields
+    starts = None if wishes.quick or photo or fields.enclosed else wishes.helpers.later(with_other_starts, *asked)
+    sizes = *asked, fields
     counts = wishes.helpers.later(with_other_numbers, *sizes) if starts is None else None  # one thing beside the rest
     runs = [simulated(frames, brush, seed) for seed in range(1 if wishes.quick else RUNS)]
     found.comparison = compared(frames, runs)

@@ -104,6 +104,8 @@ class Findings:
     @property
     def ground(self) -> str:
         """Where herds of other sizes are simulated, in words."""
+        if self.whole.fields.enclosed:
+            return "in an arena that grows with the herd"
         return "among obstacles that grow with the herd" if self.whole.fields.obstacle.any() else "on an endless plane"
 
     def starts_sentence(self) -> str:

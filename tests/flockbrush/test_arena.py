@@ -123,6 +123,7 @@ def test_an_animal_outside_is_named(file, tmp_path):
 def test_animals_are_kept_in_it_and_seen_to_be_where_they_are(file):
     evidence = seen_in(file, TANK)
     fields = evidence.fields
+    assert fields.enclosed and not seen_in(file).fields.enclosed
     assert fields.holds_all and 0.2 < fields.obstacle.mean() < 0.8
     assert np.nan_to_num(fields.density)[:, fields.obstacle].sum() < 0.02 * np.nan_to_num(fields.density).sum()
     for clip, held in ((evidence, True), (seen_in(file), False)):
