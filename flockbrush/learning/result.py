@@ -174,7 +174,7 @@ class Findings:
         told += [(None, note) for note in self.notes]
         if self.counts and self.motion:
             strayed = [(r, words) for r in self.counts if (words := self.strayed(r))]
-            told.append((not strayed, _resized(self.counts, strayed)))
+            told.append((not strayed, _resized(self.counts, strayed, self.ground)))
         if self.starts_sentence():
             told.append((None, self.starts_sentence()))
         count = float(np.median(self.whole.fields.count))
@@ -210,9 +210,9 @@ def _ranked(tried, nearer) -> str:
     return f"Of {tried} other herds on the same frames, {len(nearer)} {are} nearer to the clip: {', '.join(nearer)}."
 
 
-def _resized(counts, strayed) -> str:
+def _resized(counts, strayed, ground) -> str:
     sizes = ", ".join(str(row["animals"]) for row in counts)
-    begun = f"After {SECONDS:g} s alone on a plane, herds of {sizes} animals "
+    begun = f"After {SECONDS:g} s alone {ground}, herds of {sizes} animals "
     if not strayed:
         return begun + "keep the polarization and milling of the clip."
     told = "; ".join(f"with {r['animals']} animals {words.replace(', ', ' and ')} changed" for r, words in strayed)

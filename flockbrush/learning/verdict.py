@@ -21,7 +21,7 @@ from flockbrush.learning.helpers import Common, Helpers
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.likelihood import likelihood_of, read
 from flockbrush.learning.response import response
-from flockbrush.learning.rollout import NAMES, Run, rollout
+from flockbrush.learning.rollout import NAMES, Run, Surroundings, Walls, rollout
 from flockbrush.learning.simulate import shaken, simulated
 
 RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 4
@@ -96,12 +96,14 @@ IDLE = {STILL: False, ONWARDS: True}
 
 
 def alone(clip: Evidence, brush, seed=0) -> Run:
-    """A herd that begins as the clip ends and is left alone on a plane."""
+    """A herd that begins as the clip ends and is left alone, among the obstacles of the clip."""
     last = len(clip.fields) - 1
     if isinstance(brush, bool):
         return idle(clip, seed, brush, last, ALONE, FPS)
     start = shaken(start_of(clip, last, seed, brush.body), clip, seed)
-    return rollout(start, brush.params, brush.speed, brush.body, brush.vision, seconds=ALONE, fps=FPS, seed=seed)
+    around = Surroundings(Walls.of(clip.fields))
+    how = brush.params, brush.speed, brush.body, brush.vision
+    return rollout(start, *how, seconds=ALONE, fps=FPS, seed=seed, around=around)
 
 
 def random_numbers(brush, seed=1):

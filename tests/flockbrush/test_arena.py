@@ -21,6 +21,7 @@ from flockbrush.learning.recipe import learn
 from flockbrush.learning.rollout import VISION, HerdStart, Surroundings, Walls, rollout, theta_of
 from flockbrush.learning.trials import SearchSettings, simulate
 from flockbrush.learning.turns import fit_turns, likelihood, predicted, turns_of
+from flockbrush.learning.verdict import alone
 
 RADIUS, FPS = 8.0, 16.0
 PARAMS = Params(alignment_weight=0.05, obstacle_weight=0.4, wander=0.3, neighbour_range=4.0, leader_neighbours=-1)
@@ -161,6 +162,12 @@ def test_a_ring_has_two_closed_lines():
             np.testing.assert_array_equal(one[2:4], other[:2])
     area = [0.5 * np.sum(line[:, 0] * line[:, 3] - line[:, 2] * line[:, 1]) for line in (edges[:4], edges[4:])]
     assert area == pytest.approx([9.0, -1.0])  # the hole runs the other way round
+
+
+def test_a_herd_that_is_left_alone_stays_in_its_arena(file):
+    for clip, held in ((seen_in(file, TANK), True), (seen_in(file), False)):
+        run = alone(clip, brush_in(), seed=2)
+        assert (np.hypot(*(run.xy - (20.0, 10.0)).T).max() < RADIUS) == held
 
 
 @pytest.mark.parametrize("factor", [0.25, 4.0])
