@@ -16,6 +16,7 @@ from flockbrush.film.track_files import Trajectories
 
 SIDES = 64  # of the polygon that stands for a circle
 BEYOND = 0.5  # BL that an animal may be outside a given arena: positions have errors
+FARTHEST = 1e12  # in the unit of the tracks, as for their positions
 SHAPES = {"circle": ("X", "Y", "R"), "rectangle": ("X0", "Y0", "X1", "Y1")}
 
 
@@ -38,12 +39,12 @@ class Arena:
         ValueError
             With what would be right.
         """
-        shape, colon, rest = text.strip().partition(":")
+        shape, colon, rest = text.strip().lower().partition(":")
         try:
             numbers = tuple(float(word) for word in rest.split(",")) if colon else ()
         except ValueError:
             numbers = (np.nan,)
-        if shape not in SHAPES or (colon and len(numbers) != len(SHAPES[shape])) or not np.isfinite(numbers).all():
+        if shape not in SHAPES or (colon and len(numbers) != len(SHAPES[shape])) or not np.less(np.abs(numbers), FARTHEST).all():
             ways = " or ".join(f"{name}:{','.join(words)}" for name, words in SHAPES.items())
             raise ValueError(f"must be circle, rectangle, {ways}, got {text!r}")
         if numbers and (numbers[2] <= 0 if shape == "circle" else numbers[0] == numbers[2] or numbers[1] == numbers[3]):
