@@ -44,7 +44,8 @@ class Arena:
             numbers = tuple(float(word) for word in rest.split(",")) if colon else ()
         except ValueError:
             numbers = (np.nan,)
-        if shape not in SHAPES or (colon and len(numbers) != len(SHAPES[shape])) or not np.less(np.abs(numbers), FARTHEST).all():
+        near = all(abs(number) < FARTHEST for number in numbers)
+        if not near or shape not in SHAPES or (colon and len(numbers) != len(SHAPES[shape])):
             ways = " or ".join(f"{name}:{','.join(words)}" for name, words in SHAPES.items())
             raise ValueError(f"must be circle, rectangle, {ways}, got {text!r}")
         if numbers and (numbers[2] <= 0 if shape == "circle" else numbers[0] == numbers[2] or numbers[1] == numbers[3]):

@@ -56,8 +56,8 @@ def seen_in(path, arena=None, **how):
 
 @pytest.mark.parametrize(
     "text",
-    ["", "square", "circle:", "circle:1,2", "circle:1,2,0", "circle:1,2,nan", "circle:0,0,1e13", "circle:a,b,c", "rectangle:1,2,3",
-     "rectangle:1,2,1,5", "rectangle:1,2,inf,5"],
+    ["", "square", "circle:", "circle:1,2", "circle:1,2,0", "circle:1,2,nan", "circle:0,0,1e13", "circle:a,b,c",
+     "rectangle:1,2,3", "rectangle:1,2,1,5", "rectangle:1,2,inf,5"],
 )  # fmt: skip
 def test_what_is_no_arena_is_refused_and_what_would_be_right_is_said(text, file, tmp_path, capsys):
     with pytest.raises(ValueError, match=r"must be circle, rectangle, circle:X,Y,R or|has no inside"):
