@@ -258,7 +258,7 @@ def _of(name, done):
         yield from ("", _prose(f"Not judged by {' or '.join(sorted(NEWEST))}."))
     yield from ("", "| parameter | value | confounded with |", "|---|---|---|")
     for row in one["parameters"]:
-        if not row["name"].startswith("obstacle"):
+        if data.arena or not row["name"].startswith("obstacle"):
             others = ", ".join(n.replace("_", " ") for n in row["confounded_with"]) or "-"
             yield f"| {row['name'].replace('_', ' ')} | {row['told']} | {others} |"
     yield ""
