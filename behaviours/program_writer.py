@@ -68,4 +68,8 @@ def toml(value) -> str:
 
 
 def _key(name):
-    return name if name.replace("-", "").replace("_", "").isalnum() and name.isascii() else json.dumps(name)
+    return (
+        name
+        if name.replace("-", "").replace("_", "").isalnum() and name.isascii()
+        else json.dumps(name, ensure_ascii=False)
+    )

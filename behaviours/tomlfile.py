@@ -133,7 +133,8 @@ def parse_toml(data: bytes, name: str, limit: int = limits.TOML_BYTES) -> TomlFi
     except tomllib.TOMLDecodeError as error:
         raise ProblemsError([_syntax(error, text, name)]) from None
     except ValueError as error:  # a number of thousands of digits, the 31st of February
-        raise ProblemsError([Problem(name, None, None, f"a value is out of bounds: {error}")]) from None
+        why = "a number has thousands of digits" if "digits" in str(error) else str(error)
+        raise ProblemsError([Problem(name, None, None, f"a value is out of bounds: {why}")]) from None
     except RecursionError:
         raise ProblemsError([Problem(name, None, None, "is nested too deeply")]) from None
 

@@ -88,8 +88,11 @@ class EditFile(UndoStack):
         Raises
         ------
         ValueError
-            For numbers out of their bounds, which the file would be refused for, and where nothing would change.
+            For numbers out of their bounds and blank names, which the file would be refused for, and where nothing
+            would change.
         """
+        if not name.strip():
+            raise ValueError("a layer must have a name")
         for one, (low, high) in BOUNDS.items():
             value = getattr(edit, one)
             if not (low <= value <= high or value == getattr(Edit, one)):
@@ -290,16 +293,21 @@ def ids_text(ids) -> str:
 
 
 def _text(edits: EditFile) -> str:
-    lines = [f"recording = {json.dumps(edits.recording)}", f'sha256 = "{edits.sha256}"']
+    lines = [f"recording = {_toml(edits.recording)}", f'sha256 = "{edits.sha256}"']
     if edits.done:
-        lines.append(f"order = {json.dumps([step.layer for step in edits.done])}")
+        lines.append(f"order = {_toml([step.layer for step in edits.done])}")
     for layer in edits.layers:
-        lines += ["", "[[layers]]", f"name = {json.dumps(layer.name)}", f"on = {str(layer.on).lower()}"]
+        lines += ["", "[[layers]]", f"name = {_toml(layer.name)}", f"on = {str(layer.on).lower()}"]
         for edit in layer.edits:
             lines += ["", "[[layers.edits]]", *_lines(edit)]
     for name, edit in edits.undone:
-        lines += ["", "[[undone]]", f"layer = {json.dumps(name)}", *_lines(edit)]
+        lines += ["", "[[undone]]", f"layer = {_toml(name)}", *_lines(edit)]
     return "\n".join(lines) + "\n"
+
+
+def _toml(value) -> str:
+    """A value as TOML has it: as JSON, but letters beyond the basic plane must not be written as surrogates."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _lines(edit: Edit):
@@ -307,7 +315,7 @@ def _lines(edit: Edit):
     for one in fields(edit):
         value = getattr(edit, one.name)
         if one.name not in ("kind", "ids") and value != one.default:
-            lines.append(f"{one.name} = {json.dumps(list(value) if isinstance(value, tuple) else value)}")
+            lines.append(f"{one.name} = {_toml(list(value) if isinstance(value, tuple) else value)}")
     return lines
 
 

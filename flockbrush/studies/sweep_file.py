@@ -218,11 +218,15 @@ def _parameter_tables(toml: TomlFile):
             problems.append(
                 toml.problem(path, f"a grid must have an array of values, got {shown(values)}; or put it in [fixed]")
             )
-        elif len({json.dumps(v, default=str) for v in values}) < len(values):
+        elif len(set(map(_same, values))) < len(values):
             problems.append(toml.problem(path, "contains a value twice"))
         if name in fixed:
             problems.append(toml.problem(fixed[name][0], "is in [grid] as well"))
     listed = [dict(_flat(case, ("case", k))) for k, case in enumerate(cases)]
+    problems += [
+        toml.problem(path, "is in [grid] as well")
+        for case in listed for name, (path, _) in case.items() if name in grid
+    ]  # fmt: skip
     titles = [case.get("title", (None, None))[1] for case in listed]
     for k, title in enumerate(titles):
         if not isinstance(title, str):
@@ -232,10 +236,16 @@ def _parameter_tables(toml: TomlFile):
     return (grid, fixed, listed), problems
 
 
+def _same(value):
+    """What is equal for equal values: 5 and 5.0 are, 1 and true are not."""
+    plain = isinstance(value, int | float | str)
+    return (isinstance(value, bool), value) if plain else json.dumps(value, default=str)
+
+
 def _flat(table: dict, path: Key):
-    """(dotted name, (path in the file, value)) of nested tables."""
+    """(dotted name, (path in the file, value)) of nested tables; an empty one is a value, which is refused."""
     for name, value in table.items():
-        if isinstance(value, dict):
+        if isinstance(value, dict) and value:
             yield from ((f"{name}.{inner}", leaf) for inner, leaf in _flat(value, (*path, name)))
         else:
             yield name, ((*path, name), value)

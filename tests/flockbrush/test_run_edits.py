@@ -288,6 +288,7 @@ def test_a_turn_is_about_the_middle_of_the_animals_as_they_are_shown(cli, run, t
         (("--ids", "1", "--freeze", "--over", "1"), "can only be used with --move"),
         (("--undo",), "nothing to undo"),
         (("--on", "x"), "no layer 'x'"),
+        (("--ids", "1", "--delete", "--layer", " "), "a layer must have a name"),
     ],
 )
 def test_what_cannot_be_edited_is_refused_with_a_sentence(cli, run, arguments, said):
@@ -346,7 +347,7 @@ def test_a_file_comes_back_as_it_was_written(cli, run):
     for arguments in (
         ("--near", "10,15", "--move", "1,2,3", "--turn", "-20", "--over", "0.5", "--from", "0.1", "--until", "0.9"),
         ("--brush", "march", "--look", "size=1.5", "--look", "brush=swarm"),
-        ("--ids", "4-6", "--delay", "-0.25", "--layer", 'a "b" \\ ü'),
+        ("--ids", "4-6", "--delay", "-0.25", "--layer", 'a "b" \\ ü 🐑 \x7f'),
     ):
         assert cli("edit", run, *arguments).code == 0
     file = edits_of(run)
