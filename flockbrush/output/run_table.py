@@ -151,10 +151,10 @@ def read_run_table(path) -> RunTable | None:
     if not len(order):
         return None
     if twice := rows_twice(numbers[:, 0], numbers[:, 2]):
-        one, row = twice
-        frame, who = int(numbers[row, 0]), int(numbers[row, 2])
-        message = f"animal {who} is in frame {frame} twice, here and in line {lines[one]}"
-        raise ProblemsError([Problem(str(path), lines[row], None, message)])
+        before, again = twice
+        frame, who = int(numbers[again, 0]), int(numbers[again, 2])
+        message = f"animal {who} is in frame {frame} twice, here and in line {lines[before]}"
+        raise ProblemsError([Problem(str(path), lines[again], None, message)])
     numbers = numbers[order]
     check_rate(path, about.fps, numbers[:, 0], numbers[:, 1])
     count = max(int(numbers[-1, 0]) + 1, about.frames or 0)
