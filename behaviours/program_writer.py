@@ -68,8 +68,5 @@ def toml(value) -> str:
 
 
 def _key(name):
-    return (
-        name
-        if name.replace("-", "").replace("_", "").isalnum() and name.isascii()
-        else json.dumps(name, ensure_ascii=False)
-    )
+    bare = name.replace("-", "").replace("_", "").isalnum() and name.isascii()
+    return name if bare else json.dumps(name, ensure_ascii=False)

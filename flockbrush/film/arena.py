@@ -116,7 +116,10 @@ def _outside(xy, corners):
     """How far points (n, 2) are outside a convex polygon (k, 2), at least."""
     along = np.roll(corners, -1, axis=0) - corners
     outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
-    return ((xy[:, None] - corners) * outward).sum(-1).max(1)
+    out = np.full(len(xy), -np.inf)
+    for corner, way in zip(corners, outward, strict=True):  # one by one: a file may have millions of positions
+        np.maximum(out, (xy - corner) @ way, out=out)
+    return out
 
 
 def ring(corners, low, high) -> np.ndarray:
