@@ -1,7 +1,6 @@
 """Rollouts are the herds of a level, without the level; and a picture that sees a part of a herd keeps its number."""
 
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from flockbrush.components.level_things import Obstacle
 from flockbrush.levels.build import plane
 from flockbrush.systems.landscape import Landscape
 
+from flockbrush.film.observations import Fields
 from flockbrush.learning.rollout import (
     NAMES,
     ClipGuide,
@@ -113,9 +113,10 @@ def band(frames=30, seen=(2, 8), count=12, velocity=(2.0, 0.0)):
     inside = np.zeros(shape, bool)
     inside[:, :, seen[0] : seen[1]] = True
     flow = np.where(density[..., None] > 0, velocity, np.nan)
-    return SimpleNamespace(
-        fps=10.0, cell=1.0, origin=np.zeros(2), density=density, velocity=flow, seen=inside,
-        count=np.full(frames, float(count)), obstacle=np.zeros((10, 10), bool), at_edge=None,
+    return Fields(
+        fps=10.0, cell=1.0, origin=np.zeros(2), density=density, velocity=flow, speed_variance=np.zeros(shape),
+        angular_variance=np.zeros(shape), seen=inside, obstacle=np.zeros((10, 10), bool),
+        region=np.zeros((10, 10), np.uint8), count=np.full(frames, float(count)), frames=np.arange(frames),
     )  # fmt: skip
 
 
