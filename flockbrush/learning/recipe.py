@@ -6,7 +6,7 @@
 3. **Descent** of each: on the turns of single animals where they are told apart (`flockbrush.learning.turns`), else on
    the fields (`flockbrush.learning.torch_descent`, the paper's way [1]_).  The best fits to turns wander so far
    and for so long that herds, observed as the clip is, scatter about what forces say as its animals do, and their
-   forces are corrected for what these random turns hide.
+   forces are corrected for what these random turns hide; herds with twice the forces are tried, too.
 4. **Trials**: herds with those numbers are run from frames of the clip and compared with it
    (`flockbrush.learning.scores`; of single animals by the limits of `flockbrush.learning.battery`, too): once as far
    as the clip goes, and the better third (of draws a sixth) well beyond, so that a mill must keep milling and not only
@@ -147,8 +147,9 @@ def _signature(clips, given, seed):
     digest = hashlib.sha256(json.dumps([seed, given.speed.model_dump(), given.body.model_dump()]).encode())
     digest.update(repr((sorted(given.use), given.beta, given.device)).encode() + _version())
     for clip in clips:
-        for array in (clip.fields.density, clip.fields.velocity, clip.fields.angular_variance):
-            digest.update(np.ascontiguousarray(array).tobytes())
+        fields, outline = clip.fields, clip.fields.outline
+        for array in (fields.density, fields.velocity, fields.angular_variance, fields.obstacle, outline):
+            digest.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
         if clip.sightings is not None:
             digest.update(clip.sightings.xy.tobytes() + clip.sightings.forward.tobytes())
     return digest.hexdigest()

@@ -17,9 +17,9 @@ from flockbrush.film.open_clip import look_at, looked_apart
 from flockbrush.film.track_files import read_trajectories
 from flockbrush.learning.group_size_test import with_other_numbers
 from flockbrush.learning.initial_conditions import body_of, resized_among, start_of
-from flockbrush.learning.recipe import learn
+from flockbrush.learning.recipe import _signature, learn
 from flockbrush.learning.rollout import VISION, HerdStart, Surroundings, Walls, rollout, theta_of
-from flockbrush.learning.trials import SearchSettings, simulate
+from flockbrush.learning.trials import SearchSettings, Setting, simulate
 from flockbrush.learning.turns import fit_turns, likelihood, predicted, turns_of
 from flockbrush.learning.verdict import alone
 
@@ -153,6 +153,14 @@ def test_how_strongly_animals_turn_from_the_wall_is_learned(file):
     found = learn(seen_in(file, TANK), few)
     strength = found.params.obstacle_weight * found.params.sensitivity
     assert found.identifiable[9] and 0.5 < strength / (PARAMS.obstacle_weight * PARAMS.sensitivity) < 3.0
+
+
+def test_work_that_was_kept_is_not_taken_up_in_another_arena(file):
+    """A circle and the square about it have the same fields."""
+    circle, square = seen_in(file, TANK), seen_in(file, Arena("rectangle", (12.0, 2.0, 28.0, 18.0)))
+    np.testing.assert_allclose(circle.fields.density, square.fields.density)
+    kept = {_signature((clip,), Setting.of((clip,), SearchSettings()), 0) for clip in (circle, square)}
+    assert len(kept) == 2
 
 
 def test_a_ring_has_two_closed_lines():
