@@ -26,6 +26,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 Guided = Literal["front", "everyone", "share", "appointed"]  # who follows a guide (`flockbrush.systems.leaders`)
 GUIDED = get_args(Guided)
+TAKES_UP = 0.4  # s in which an animal takes up a new effort, or the velocity of a drive.  By eye
 
 
 class Parameters(BaseModel):
@@ -81,6 +82,7 @@ class Scene(NamedTuple):
     velocity: np.ndarray  # (n, 3) m/s
     forward: np.ndarray  # (n, 3) unit headings
     speed: np.ndarray  # (n,) m/s, the speed process
+    effort: np.ndarray  # (n,) what the pace that models wish has become, which follows it within `TAKES_UP`
     length: np.ndarray  # (n,) m, body length
     leader: np.ndarray  # (n,) 1 for leaders
     species: np.ndarray  # (n,) index of the kind of animal

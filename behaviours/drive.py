@@ -23,13 +23,12 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Parameters, Scene, quantity
+from flockbrush.behaviours.behaviour import TAKES_UP, Parameters, Scene, quantity
 from flockbrush.engine.plugins import load_entry_points, load_modules
 
 LOW = 5.0  # body lengths above the ground: nobody dives any lower
 EASE = 2.0  # s before that in which a dive is ended
 BEHIND = -0.9  # cosine of the angle to the way of flight beyond which a bird turns off to the side first
-TAKES_UP = 0.4  # s in which a drive's velocity is taken up, as efforts are (`flockbrush.systems.pace.GATHER`)
 
 
 class DriveParameters(Parameters):

@@ -3,7 +3,7 @@
 In the order of the brush each drive takes the share of the body that is as large as its urgency, as long as there is
 any left; the model has the rest.  On the ground and where a model wishes a heading, the wishes are velocities: the
 model's is its direction at the pace it wants, a drive's the one its acceleration leads to within
-`flockbrush.behaviours.drive.TAKES_UP`.  In the air they are accelerations, or, for models that say their velocity,
+`flockbrush.behaviours.behaviour.TAKES_UP`.  In the air they are accelerations, or, for models that say their velocity,
 changes of it.  Rows in which no drive acts are not touched.
 """
 
@@ -12,8 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Bodies, Kinds, frozen
-from flockbrush.behaviours.drive import TAKES_UP
+from flockbrush.behaviours.behaviour import TAKES_UP, Bodies, Kinds, frozen
 from flockbrush.components import (
     Alarm,
     Body,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from flockbrush.behaviours.drive import TAKES_UP
+from flockbrush.behaviours.behaviour import TAKES_UP
 from flockbrush.components import (
     Body,
     BrushBinding,

@@ -14,8 +14,7 @@ from __future__ import annotations
 from dataclasses import field
 
 import numpy as np
-from flockbrush.behaviours.behaviour import air_of, frozen
-from flockbrush.behaviours.drive import TAKES_UP
+from flockbrush.behaviours.behaviour import TAKES_UP, air_of, frozen
 from flockbrush.behaviours.drives.avoid_obstacles import past_solids
 from flockbrush.components import Body, BrushBinding, Ground, Leading, Position, Role, Species
 from flockbrush.components.agent import DIRECTION, NOWHERE, POINT

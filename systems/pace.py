@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from flockbrush.behaviours.behaviour import TAKES_UP
 from flockbrush.behaviours.wander import HALF_PI
 from flockbrush.components import (
     Body,
@@ -31,7 +32,6 @@ from numba import njit
 
 COMPANY = 4.0  # body lengths within which neighbours are imitated
 CRAWL = 0.02  # of the mean: who walks is never slower, since 0 is to stand
-GATHER = 0.4  # s in which an animal takes up a new effort.  By eye
 # over the ground, of what a herd does together: places 30 body lengths apart are half alike, 60 hardly at all
 WAVES = np.array([  # rad/BL
     (0.0383, 0.0000), (-0.0620, 0.0568), (0.0011, -0.0128), (0.0331, 0.0432),
@@ -191,7 +191,7 @@ def _pace(lo, hi, walkers, rules, chance, dt, state):
             effort[i] = min(target[i] / max(drawn[i] * ease * mud, 1e-6), 1.0)
             driven[i] = share[i] > 0.0 or abs(target[i] - goes) > step
             continue
-        effort[i] += (wanted[i] - effort[i]) * min(dt / GATHER, 1.0)
+        effort[i] += (wanted[i] - effort[i]) * min(dt / TAKES_UP, 1.0)
         target[i] = min(drawn[i] * ease * mud * effort[i], top[i], cap[i])
 
 

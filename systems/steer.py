@@ -203,6 +203,7 @@ def scene_of(world, lists=True):
         agents[Velocity.xyz],
         agents[Heading.forward],
         agents[Speed.drawn],
+        agents[Speed.effort],
         agents[Body.length],
         agents[Role.leader],
         species,

@@ -22,6 +22,7 @@ def scene(xy, heading, length=1.0, seed=0, leader=None, obstacles=(), guidance=(
         "velocity": 1.2 * forward,
         "forward": forward,
         "speed": np.full(n, 1.2),
+        "effort": np.ones(n),
         "length": np.broadcast_to(np.asarray(length, float), n).copy(),
         "leader": np.zeros(n, np.uint8) if leader is None else np.asarray(leader, np.uint8),
         "species": np.zeros(n, np.int32),

@@ -6,9 +6,10 @@ ones more than fast ones; the part along the heading speeds it up or slows it do
 
 The attraction is the mean over the animals it sees instead of their sum, so that a brush holds for any number of them
 (as potentials divided by N do).  Speed is a process of its own (`flockbrush.systems.pace`), whose mean takes the place
-of the paper's square root of α/β; the force multiplies it by what balances propulsion and friction, as if the paper's
-equation had come to rest.  Noise turns the heading.  Nearest points of obstacles and animals of other species repel as
-those of the same species do, and do not attract.  For leaders, the guide is one more force.
+of the paper's square root of α/β.  The force multiplies it by a factor that comes to what balances propulsion and
+friction as fast as in the paper's equation near its rest, with the rate 2α, but no faster than any animal takes up an
+effort.  Noise turns the heading.  Nearest points of obstacles and animals of other species repel as those of the same
+species do, and do not attract.  For leaders, the guide is one more force.
 
 Lengths are in body lengths of the animal itself.
 
@@ -22,6 +23,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from flockbrush.behaviours.behaviour import (
+    TAKES_UP,
     ByRow,
     Guided,
     Parameters,
@@ -130,6 +132,7 @@ class _Animals(NamedTuple):
     length: Any
     species: Any
     velocity: Any
+    effort: Any
     leader: Any
     guidance: Any
 
@@ -142,6 +145,7 @@ class _Forces(NamedTuple):
     repulsion: float
     per_repulsion: float
     per_propulsion: float  # 0: speeds stay alone
+    swiftness: float  # part of the way to a new factor of speed that an animal asks for
     guidance_weight: float
     turn: float  # rad, at most
     dt: float
@@ -151,9 +155,10 @@ def _steer(s, rows, p, direction, pace):
     """Write the next headings, chance and all, and factors of speed."""
     forces = _Forces(
         p.attraction, 1.0 / p.attraction_reach, p.repulsion, 1.0 / p.repulsion_reach,
-        1.0 / p.propulsion if p.propulsion > 0.0 else 0.0, p.guidance_weight, p.max_turn * s.dt, s.dt,
+        1.0 / p.propulsion if p.propulsion > 0.0 else 0.0, min(2.0 * p.propulsion * TAKES_UP, 1.0),
+        p.guidance_weight, p.max_turn * s.dt, s.dt,
     )  # fmt: skip
-    animals = _Animals(s.forward, s.length, s.species, s.velocity, s.leader, s.guidance)
+    animals = _Animals(s.forward, s.length, s.species, s.velocity, s.effort, s.leader, s.guidance)
     others, walls = ByRow(s.first, s.near, s.offset), ByRow(s.obstacle_first, s.near[:0], s.obstacle_offset)
     over_rows(_turn, len(rows), rows, animals, others, walls, forces, direction, pace)
     wander(s, rows, p, direction)
@@ -176,7 +181,9 @@ def _turn(lo, hi, rows, animals, others, walls, forces, direction, pace):
         sine, cosine = sincos_(min(max(turn, -forces.turn), forces.turn))
         direction[k, 0], direction[k, 1] = cosine * fx - sine * fy, sine * fx + cosine * fy
         along = (fx * x + fy * y) * forces.per_propulsion / speed
-        pace[k] = np.sqrt(min(max(1.0 + along, LEAST_PACE * LEAST_PACE), MOST_PACE * MOST_PACE))
+        rest = np.sqrt(min(max(1.0 + along, LEAST_PACE * LEAST_PACE), MOST_PACE * MOST_PACE))
+        now = animals.effort[i] if forces.per_propulsion > 0.0 else rest
+        pace[k] = now + (rest - now) * forces.swiftness
 
 
 @njit(inline="always")

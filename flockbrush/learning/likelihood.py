@@ -47,6 +47,12 @@ class Likelihood:
     numbers: Mapping[str, tuple[float, float]]
     # the same for parameters of which turns tell nothing: only simulated herds refine them
     untold: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # the same for parameters of which only turns tell whose animals see obstacles
+    by_walls: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def told_by(self, turns: Turns) -> dict[str, tuple[float, float]]:
+        """Free parameters that these turns tell, and where they are looked for."""
+        return {**self.numbers, **(self.by_walls if len(turns.percept.walls_offset) else {})}
 
     @property
     def behaviour(self) -> Behaviour:

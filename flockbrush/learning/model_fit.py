@@ -99,11 +99,11 @@ def learned_model(
     if not blocks.reference:
         raise refused(clips[0].name, f"no turns of animals are visible: leave out --model {name}")
     vision, params = likeliest(kind, blocks, seed)
-    slopes = Slopes(blocks.train(vision), kind.behaviour, kind.numbers, params)
-    x = place(kind.numbers, params)
+    train = blocks.train(vision)
+    told = kind.told_by(train)
+    slopes, x = Slopes(train, kind.behaviour, told, params), place(told, params)
     information, spread = _information(slopes, x)
-    params = with_wander(params, wander_of(spread, blocks))
-    numbers = {**kind.numbers, **kind.untold}
+    params, numbers = with_wander(params, wander_of(spread, blocks)), {**told, **kind.untold}
     steps = NextSteps(thinned(slopes.steps.turns, PACES))
     given = ModelSetting.of_model(clips, params, vision, numbers, not blocks.deflected, steps)
     turns = max(float(slopes.steps.turns.weight.sum()), 1.0)
@@ -115,9 +115,8 @@ def learned_model(
             start = refined(given, begins, name, seed, shape=shape, jobs=jobs, stop=stop, say=say, hopeless=hopeless)
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
-    x = start.theta[: len(kind.numbers)]
-    information = _information(slopes, x)[0]
-    return _as_learned(kind, given, x, information, start, stopped)
+    x = start.theta[: len(told)]
+    return _as_learned(kind, given, told, x, _information(slopes, x)[0], start, stopped)
 
 
 def with_wander(params, wander: float):
@@ -139,13 +138,13 @@ def _information(slopes: Slopes, x):
     return normal_equations(slopes.slopes(x, off), share, off)[1], spread
 
 
-def _as_learned(kind: Likelihood, given: ModelSetting, x, information, start, stopped) -> Learned:
-    names, deviation, params = tuple(kind.numbers), cramer_rao(information), given.params(start.theta)
+def _as_learned(kind: Likelihood, given: ModelSetting, numbers, x, information, start, stopped) -> Learned:
+    names, deviation, params = tuple(numbers), cramer_rao(information), given.params(start.theta)
     told = (deviation < SURE) & (x > 0.005) & (x < 0.995)
     extras = chance_of(params)
     correlation, theta, spread = correlation_of(information), x, np.zeros(len(x))
-    scales: np.ndarray | None = scales_of(kind.numbers, x)
-    if set(names) <= set(NAMES):  # the herd's twelve, of which those of obstacles keep their defaults
+    scales: np.ndarray | None = scales_of(numbers, x)
+    if set(names) <= set(NAMES):  # the herd's twelve, of which those of obstacles may keep their defaults
         at = [NAMES.index(name) for name in names]
         theta, spread, names = theta_of(params), np.zeros(12), NAMES
         deviation, told, correlation = _spread_out(at, deviation, told, correlation)

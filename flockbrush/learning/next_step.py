@@ -47,12 +47,17 @@ class NextSteps:
         _look(rows, percept.first, percept.near, percept.offset, turns.velocity, turns.dt, self.near, offsets)
         self.near += self.k
         self.first = np.concatenate([self.first, np.full(self.n, self.first[-1])])
+        self.walls_first, walls, past = _walls(percept, rows, turns.velocity)
+        self.walls_first = np.concatenate([self.walls_first, np.full(self.n, self.walls_first[-1])])
         self.start = np.arctan2(percept.forward[rows, 1], percept.forward[rows, 0])
-        self.own_speed = np.hypot(*turns.velocity[rows].T)
-        self.scenes = [self._scene(offset, s) for s, offset in enumerate(offsets)]
+        self.own_speed, self.effort = np.hypot(*turns.velocity[rows].T), np.ones(self.k + self.n)
+        self.scenes = [self._scene(offset, walls - s * turns.dt * past, s) for s, offset in enumerate(offsets)]
 
-    def _scene(self, offset, tick):
-        """The `Scene` of a tick with neighbours at `offset` (m, 3) BL; headings of the k animals come later."""
+    def _scene(self, offset, walls, tick):
+        """The `Scene` of a tick with neighbours at `offset` (m, 3) BL and walls at `walls` (j, 2) BL.
+
+        Headings of the k animals come later.
+        """
         turns, total = self.turns, self.k + self.n
         spin, time = turns.spin, tick * turns.dt
         c, s = np.cos(spin * time), np.sin(spin * time)
@@ -70,9 +75,9 @@ class NextSteps:
         return Scene(
             dt=turns.dt, tick=tick, key=_no_chance, ids=np.arange(1, total + 1), xyz=flat,
             velocity=np.concatenate([np.zeros((self.k, 3)), speed[:, None] * seen]),
-            forward=forward, speed=np.concatenate([self.own_speed, speed]), length=np.ones(total),
+            forward=forward, speed=np.concatenate([self.own_speed, speed]), effort=self.effort, length=np.ones(total),
             leader=np.zeros(total, np.uint8), species=one, danger=np.zeros(total, np.uint8), first=self.first,
-            near=self.near, offset=offset[:, :2].copy(), obstacle_first=nobody, obstacle_offset=np.zeros((0, 2)),
+            near=self.near, offset=offset[:, :2].copy(), obstacle_first=self.walls_first, obstacle_offset=walls,
             guidance=plain, slope=plain, memory=plain, known=np.zeros(total, np.uint8),
             order=np.arange(total, dtype=np.int32), air=frozen(air),
         )  # fmt: skip
@@ -98,9 +103,27 @@ class NextSteps:
         return self._turned(scenes, lambda scene: model.steer(frozen(scene), rows, quiet).direction, limit, solid)
 
     def paces(self, model: Behaviour, params) -> np.ndarray:
-        """The factors (k,) by which a model multiplies the speeds of the animals, at the start of each turn."""
-        rows = np.arange(self.k, dtype=np.int32)
-        return model.steer(frozen(self._headed(self.scenes[0], self.start)), rows, _quiet(params)).pace
+        """The factors (k,) to which a model brings the speeds of the animals, if they stay as at the start of a turn.
+
+        A model may ask for a part of the way from the present factor: the one that it would leave as it is, is told.
+        """
+        rows, scene, effort = np.arange(self.k, dtype=np.int32), self._headed(self.scenes[0], self.start), self.effort
+        at_rest, at_one = (
+            model.steer(frozen(scene._replace(effort=now * effort)), rows, _quiet(params)).pace for now in (0.0, 1.0)
+        )
+        return at_rest / np.maximum(1.0 + at_rest - at_one, 1e-6)
+
+    def alone(self, model: Behaviour, params) -> np.ndarray:
+        """The turns (k,), rad, that a model predicts for animals that see no other and touch those who are there."""
+        rows, quiet, nobody = np.arange(self.k, dtype=np.int32), _quiet(params), np.zeros_like(self.first)
+        limit = getattr(params, "max_turn", np.inf) * self.turns.dt
+
+        def wish(scene):
+            air = scene.air._replace(first=nobody, near=scene.near[:0], offset=scene.air.offset[:0])
+            seen = scene._replace(first=nobody, near=scene.near[:0], offset=scene.offset[:0], air=frozen(air))
+            return model.steer(frozen(seen), rows, quiet).direction
+
+        return self._turned(self.scenes, wish, limit, self.turns.radius if model.flight is None else 0.0)
 
     def by_contact(self) -> np.ndarray:
         """The turns (k,), rad, of animals that go straight on except where they touch others."""
@@ -180,6 +203,14 @@ def mean_score(off, weight, spread=None) -> tuple[float, float]:
             share = weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
             spread = max(float(np.sqrt((share * off * off).sum() / total)), SMALLEST)
     return float((weight * log_density(off, spread)).sum() / total), spread
+
+
+def _walls(percept, rows, velocity):
+    """The walls that some rows (k,) see: first (k + 1,), offset (j, 2) BL, and how fast it gets less, BL/s (j, 2)."""
+    count = np.diff(percept.walls_first)[rows]
+    first = np.concatenate([[0], np.cumsum(count)])
+    chosen = np.repeat(percept.walls_first[rows] - first[:-1], count) + np.arange(first[-1])
+    return first, percept.walls_offset[chosen], velocity[np.repeat(rows, count)]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

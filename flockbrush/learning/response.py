@@ -175,7 +175,7 @@ def _foretold(turns, params):
     by_numbers, x = Slopes(turns, kind.behaviour, kind.numbers, params), place(kind.numbers, params)
     off = by_numbers.off(x)
     turn = turns.turn - off
-    return turn, by_numbers.slopes(x, off), turn - by_numbers.steps.by_contact()
+    return turn, by_numbers.slopes(x, off), turn - by_numbers.steps.alone(kind.behaviour, params)
 
 
 def _seen(run, clip):

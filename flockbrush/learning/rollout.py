@@ -425,7 +425,7 @@ def rollout(start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0
     Parameters
     ----------
     params : Params or (12,) array_like
-        Of any model; twelve numbers are the herd's.  Others than the herd's run on open ground alone (ValueError).
+        Of any model; twelve numbers are the herd's.  Others than the herd's run among no gates (ValueError).
     speed, body, vision : SpeedSpec, BodySpec, VisionSpec
     seconds, fps : float
         Frames are at 0, 1/fps ... up to ``seconds``; between two ticks positions are interpolated.

@@ -142,8 +142,6 @@ def problem_of(clips: Sequence[Evidence]) -> str:
             return "single animals could not be separated, and models are compared by the turns of single animals"
         if clip.fields.shows_part:
             return "it shows a part of a herd; other models than herd need the whole herd"
-        if clip.fields.obstacle.any():
-            return "it shows obstacles; other models than herd need open ground"
     return ""
 
 
@@ -153,7 +151,7 @@ def compare_models(clips: Sequence[Evidence], names: Sequence[str] | None = None
     Parameters
     ----------
     clips : sequence of Evidence
-        Whole herds on open ground, whose animals are told apart (`problem_of`).
+        Whole herds, whose animals are told apart (`problem_of`).
     names : sequence of str, optional
         Of likelihoods; default: all.
     seed : int

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.behaviours.behaviour import TAKES_UP, behaviours
 from flockbrush.components import Position
+from scipy.integrate import solve_ivp
 from scipy.spatial import cKDTree
 from small_herd import brush, forward_of, meadow, put
 from small_scenes import scene, steer
@@ -28,8 +29,9 @@ def moving(speed, count):
 
 
 def as_written(force):
-    """The same of a force (2,), for an animal that heads to the right."""
-    return force[1] / SPEED * DT, np.sqrt(np.clip(1 + force[0] / (0.7 * SPEED), 0.04, 4.0))
+    """The same of a force (2,), for an animal that heads to the right at its own speed."""
+    rest = np.sqrt(np.clip(1 + force[0] / (0.7 * SPEED), 0.04, 4.0))
+    return force[1] / SPEED * DT, 1 + 2 * 0.7 * TAKES_UP * (rest - 1)
 
 
 def test_the_force_is_the_gradient_of_the_potential():
@@ -56,10 +58,27 @@ def test_forces_along_the_heading_only_change_the_speed():
     assert turn_and_pace([(0, 0), (-0.3, 0)])[1] > 1.0 and turn_and_pace([(0, 0), (6, 0)])[1] > 1.0
     assert turn_and_pace([(0, 0), (0.3, 0)], propulsion=0.0) == (0.0, 1.0)
     crush = (
-        turn_and_pace([(0, 0), (0.1, 0)], repulsion=900.0)[1],
-        turn_and_pace([(0, 0), (-0.1, 0)], repulsion=900.0)[1],
+        turn_and_pace([(0, 0), (0.1, 0)], repulsion=900.0, propulsion=5.0)[1],
+        turn_and_pace([(0, 0), (-0.1, 0)], repulsion=900.0, propulsion=5.0)[1],
     )
-    assert crush == (0.2, 2.0)
+    assert crush == pytest.approx((0.2, 2.0))  # at once: it comes to rest sooner than animals change efforts
+
+
+@pytest.mark.parametrize("alpha", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("share", [0.1, -0.1])
+def test_speeds_change_as_the_equation_of_the_paper_says(alpha, share):
+    """dv/dt = (α - β v²) v + F (eq. 1) by another integrator, for a force along the heading that begins at once."""
+    force = share * alpha * SPEED
+    led = {"leader": [1], "guidance": (np.sign(force), 0.0), "guidance_weight": abs(force), "propulsion": alpha}
+    effort, efforts = 1.0, []
+    for _ in range(160):
+        wanted = turn_and_pace([(0, 0)], effort=np.array([effort]), velocity=moving(SPEED * effort, 1), **led)[1]
+        effort += (wanted - effort) * DT / TAKES_UP
+        efforts.append(effort)
+    beta = alpha / SPEED**2
+    times = DT * np.arange(1, 161)
+    paper = solve_ivp(lambda _, v: (alpha - beta * v * v) * v + force, (0, 5), [SPEED], t_eval=times, rtol=1e-9).y[0]
+    assert np.abs(np.array(efforts) - paper / SPEED).max() < 0.05 * np.abs(paper / SPEED - 1).max()
 
 
 def test_slow_animals_turn_more_but_no_faster_than_they_can():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.brush import SpeedSpec
 from flockbrush.behaviours.models.herd import Params
+from flockbrush.behaviours.models.zones import Params as ZonesParams
 from flockbrush.engine.problems import ProblemsError
 
 import flockbrush
@@ -22,6 +23,7 @@ from flockbrush.learning.rollout import VISION, HerdStart, Surroundings, Walls, 
 from flockbrush.learning.trials import SearchSettings, Setting, simulate
 from flockbrush.learning.turns import fit_turns, likelihood, predicted, turns_of
 from flockbrush.learning.verdict import alone
+from flockbrush.learning.which_model import compare_models
 
 RADIUS, FPS = 8.0, 16.0
 PARAMS = Params(alignment_weight=0.05, obstacle_weight=0.4, wander=0.3, neighbour_range=4.0, leader_neighbours=-1)
@@ -192,6 +194,31 @@ def test_an_arena_grows_with_the_herd_and_holds_it(factor, file):
     row = with_other_numbers(brush_in(), start, 0, evidence.fields, [factor], 10.0)[0]
     free = with_other_numbers(brush_in(), start, 0, None, [factor], 10.0)[0]
     assert row["spacing"] < 0.7 * free["spacing"]  # in the open they part
+
+
+ZONES = ZonesParams(repulsion=1.0, orientation=4.0, attraction=6.0, blind_angle=60.0, max_turn=3.0, wander=0.0)
+
+
+def test_zones_are_told_from_other_models_in_an_arena(tmp_path):
+    """Tracks of a herd in zones, whose radius of repulsion is how far it keeps from the wall, too."""
+    rng = np.random.default_rng(3)
+    angle = rng.uniform(-np.pi, np.pi, 24)
+    start = HerdStart(rng.uniform(-4, 4, (24, 2)), np.column_stack([np.cos(angle), np.sin(angle)]), np.full(24, 2.0))
+    edges = ring(Arena("circle", (0.0, 0.0, RADIUS)).corners, (-15.0, -15.0), (15.0, 15.0))
+    around = Surroundings(Walls(edges[:, :4].copy(), edges[:, 4].astype(np.int32)))
+    speed = SpeedSpec(mean=2.0, deviation=0.2, reversion=1.0)
+    run = rollout(start, ZONES, speed, vision=VISION, seconds=10.0, fps=FPS, seed=2, around=around)
+    xy = run.xy.reshape(len(run), 24, 2)
+    far = np.hypot(*xy.transpose(2, 0, 1))
+    assert far.max() < RADIUS and (far > RADIUS - 1.0).any(1).mean() > 0.5  # often at the wall, never beyond
+    np.save(tmp_path / "fish.npy", xy)
+    seen = seen_in(tmp_path / "fish.npy", Arena("circle", (0.0, 0.0, RADIUS)))
+    found = compare_models([seen], ["zones", "herd", "topological"])
+    assert found.equal == ["zones"] and found.rows[0].params.repulsion == pytest.approx(1.0, abs=0.15)
+    params = {row.name: row.params for row in found.rows}["topological"]
+    assert not np.allclose(theta_of(params)[9:], theta_of(Params())[9:])  # what turns from the wall tell
+    brush = flockbrush.shipped().get("march").model_copy(update={"model": "zones", "params": ZONES, "speed": speed})
+    assert np.hypot(*alone(seen, brush, seed=2).xy.T).max() < RADIUS
 
 
 def brush_in():

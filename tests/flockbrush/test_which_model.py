@@ -2,6 +2,7 @@
 
 import functools
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,8 +28,8 @@ from flockbrush.learning.model_fit import kinds_of_models, learned_model
 from flockbrush.learning.model_search import first_shape, speed_by
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.perceive import perceive
-from flockbrush.learning.rollout import HerdStart, Surroundings, rollout, theta_of
-from flockbrush.learning.turns import predicted, thinned, turns_of
+from flockbrush.learning.rollout import HerdStart, Surroundings, Walls, rollout, theta_of
+from flockbrush.learning.turns import Turns, predicted, thinned, turns_of
 from flockbrush.learning.which_model import ModelComparison, ModelRow, TurnBlocks, compare_models, problem_of
 from flockbrush.learning.world_rollout import world_looks
 
@@ -115,19 +116,45 @@ def test_the_nearest_few_are_those_that_the_sight_keeps():
         assert set(seen.near[seen.first[row] : seen.first[row + 1]]) == set(np.argsort(far[row])[1:6])
 
 
+POND = Walls(
+    np.array([(9, 3, 8, 5), (8, 5, 7, 3), (7, 3, 9, 3), (9, 0, 12, 0), (12, 0, 9, 0)], float),
+    np.array([0, 0, 0, 1, 1], np.int32),
+)
+
+
+def test_walls_turn_animals_as_the_herds_own_kernel_says():
+    """Against the formulas that fits of the herd go by, for animals that see others and two walls, and one or none."""
+    rng = np.random.default_rng(8)
+    params = TRUTHS["herd"].params.model_copy(update={"neighbour_range": 20.0, "wander": 0.0})
+    angle = rng.uniform(-3, 3, 20)
+    xy, forward = rng.uniform(0, 7, (20, 2)), np.column_stack([np.cos(angle), np.sin(angle)])
+    percept = perceive(xy, forward, vision=VisionSpec(range=6.0), params=params, walls=POND)
+    assert set(np.diff(percept.walls_first)) == {0, 1, 2}
+    rows = np.arange(20)
+    turns = Turns(percept, 2.0 * forward, np.zeros(20), rows, np.full(20, 4.5), np.zeros(20), np.ones(20), 0.3, 0.0)
+    own, alone = predicted(turns, theta_of(params), params)[0], NextSteps(turns)
+    np.testing.assert_allclose(alone.predicted(behaviours()["herd"], params), own, atol=1e-9)
+    nobody = percept._replace(first=0 * percept.first, near=percept.near[:0], offset=percept.offset[:0])
+    by_walls = predicted(turns._replace(percept=nobody), theta_of(params), params)[0]
+    np.testing.assert_allclose(alone.alone(behaviours()["herd"], params), by_walls, atol=1e-9)
+    assert np.abs(own - by_walls).max() > 0.01 and np.abs(by_walls).max() > 0.01
+
+
+@pytest.mark.parametrize("walls", [None, POND])
 @pytest.mark.parametrize(("dt", "wander_time"), [(1 / 32, 0.0), (1 / 16, 0.0), (1 / 32, 0.3)])
-def test_a_herd_in_a_world_goes_as_one_without(dt, wander_time):
+def test_a_herd_in_a_world_goes_as_one_without(dt, wander_time, walls):
     """The kernels of a run without a world are the oracle of one with."""
     rng, brush = np.random.default_rng(5), TRUTHS["herd"]
     start = HerdStart(rng.uniform(0, 6, (20, 2)), np.tile([1.0, 0.0], (20, 1)), np.full(20, 2.0))
     params = brush.params.model_copy(update={"wander": 0.3, "wander_time": wander_time})
-    parts = start, params, brush.speed, brush.body, brush.vision
-    run, looks = rollout(*parts, seconds=1.0, fps=10, seed=4, dt=dt), world_looks(*parts, 1.0, 10, 4, dt=dt)
+    parts, around = (start, params, brush.speed, brush.body, brush.vision), Surroundings(walls)
+    run = rollout(*parts, seconds=1.0, fps=10, seed=4, dt=dt, around=around)
+    looks = world_looks(*parts, 1.0, 10, 4, around, dt)
     for t, (ids, xy, forward, _) in enumerate(looks):
         assert len(ids) == 20
         np.testing.assert_allclose(xy, run.xy[run.of(t)], atol=1e-9)
         np.testing.assert_allclose(forward, run.forward[run.of(t)], atol=1e-9)
-    with pytest.raises(ValueError, match="among walls"):
+    with pytest.raises(ValueError, match="part of a herd"):
         rollout(start, TRUTHS["zones"].params, *parts[2:], seconds=1.0, around=Surroundings(gates=object()))
 
 
@@ -171,7 +198,9 @@ def test_what_cannot_be_learned_is_refused_in_a_sentence(tmp_path):
     clip = evidence_of(tracks("zones"))
     assert problem_of([clip]) == ""
     clip.fields.obstacle[2, 3] = True
-    assert "open ground" in problem_of([clip])
+    assert problem_of([clip]) == ""
+    part = replace(clip.fields, at_edge=np.full(len(clip.fields), 0.5))
+    assert "the whole herd" in problem_of([replace(clip, fields=part)])
 
 
 def _search_little(monkeypatch, generations):

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.behaviour import TAKES_UP
 from flockbrush.behaviours.wander import half_waves_alike
 from flockbrush.components import Ground, Heading, Position, Speed, Velocity, Wish
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.schema import Zone
-from flockbrush.systems.pace import GATHER, in_common_
+from flockbrush.systems.pace import in_common_
 from flockbrush.systems.terrain import slope_factor_
 from small_herd import box, brush, level, meadow, put, straight
 
@@ -236,7 +237,7 @@ def test_effort_is_gathered_and_let_go_over_time():
         agents[Speed.effort][:] = expected
         agents[Wish.pace][:] = wanted
         pace.process(simulation.world)
-        expected += (wanted - expected) * DT / GATHER
+        expected += (wanted - expected) * DT / TAKES_UP
         assert agents[Speed.effort][0] == pytest.approx(expected)
         assert agents[Speed.target][0] == pytest.approx(expected, rel=0.05)
     assert 0.5 < expected < 0.7

@@ -16,12 +16,13 @@ VIEWS = tuple(
     VisionSpec(range=reach, occlusion=seen == "exact", sight=seen) for seen in ("exact", "metric") for reach in (4, 8)
 )
 NUMBERS = {name: (LEAST, MOST) for name in NAMES if not name.startswith("obstacle")}
+BY_WALLS = {name: (LEAST, MOST) for name in NAMES if name not in NUMBERS}
 
 
 def fitted(turns, vision, seed, begin=None):
-    """The likeliest twelve numbers; those of obstacles keep their defaults."""
-    base = Params(neighbour_range=min(vision.range, 20.0))
-    free, some = np.array([name in NUMBERS for name in NAMES]), thinned(turns, TURNS)
+    """The likeliest twelve numbers; those of obstacles keep their defaults where no animal sees one."""
+    base, walls = Params(neighbour_range=min(vision.range, 20.0)), len(turns.percept.walls_offset) > 0
+    free, some = np.array([name in NUMBERS or walls for name in NAMES]), thinned(turns, TURNS)
     if begin is not None:
         fit = fit_turns(some, theta_of(begin), base, free=free, steps=STEPS, tolerance=1e-4)
     else:
@@ -32,4 +33,4 @@ def fitted(turns, vision, seed, begin=None):
     return params_of(fit.theta, {"neighbour_range": base.neighbour_range})
 
 
-register(Likelihood("herd", "herd", VIEWS, fitted, NUMBERS))
+register(Likelihood("herd", "herd", VIEWS, fitted, NUMBERS, by_walls=BY_WALLS))

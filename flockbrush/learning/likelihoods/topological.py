@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from flockbrush.behaviours.brush import VisionSpec
 from flockbrush.learning.likelihood import Likelihood, register
-from flockbrush.learning.likelihoods.herd import NUMBERS, fitted
+from flockbrush.learning.likelihoods.herd import BY_WALLS, NUMBERS, fitted
 
 REACH = 20.0  # BL, as far as the herd model can heed
 NEAREST = 2, 3, 4, 5, 6, 7, 8, 10, 12
@@ -23,4 +23,4 @@ VIEWS = (
     VisionSpec(range=REACH, occlusion=False, sight="voronoi"),
 )
 
-register(Likelihood("topological", "herd", VIEWS, fitted, NUMBERS))
+register(Likelihood("topological", "herd", VIEWS, fitted, NUMBERS, by_walls=BY_WALLS))
