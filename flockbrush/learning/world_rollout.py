@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-from functools import cache
 
 import numpy as np
 
@@ -20,16 +19,10 @@ SPACING = 0.5  # animals per BL² of the ground that they are put on first
 NOTHING = Provenance(kind="learned", source="a rollout", date=datetime.date(2000, 1, 1), by="flockbrush")
 
 
-@cache
-def _by_params() -> dict[type, str]:
-    """The model of each class of parameters; of several that share one, the first that is no danger to others."""
-    models = sorted(behaviours().values(), key=lambda model: (model.danger, model.name), reverse=True)
-    return {model.Params: model.name for model in models}
-
-
 def model_of(params) -> Behaviour:
-    """The model of these parameters."""
-    return behaviours()[_by_params()[type(params)]]
+    """The model of these parameters; of several that share their class, the first that is no danger to others."""
+    models = [model for model in behaviours().values() if model.Params is type(params)]
+    return min(models, key=lambda model: (model.danger, model.name))
 
 
 def needs_world(params, vision) -> bool:

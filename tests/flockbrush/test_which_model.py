@@ -16,7 +16,7 @@ from flockbrush.engine.problems import ProblemsError
 import flockbrush
 from benchmarks.learning_models import evidence_of, tracks_of, truths
 from benchmarks.learning_models import table_of as confusion_of
-from flockbrush.learning import model_search
+from flockbrush.learning import model_fit, model_search, trials
 from flockbrush.learning.confounding import estimates_of
 from flockbrush.learning.html_page import ReportPage
 from flockbrush.learning.initial_conditions import speed_of
@@ -30,8 +30,15 @@ from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.perceive import perceive
 from flockbrush.learning.rollout import HerdStart, Surroundings, Walls, rollout, theta_of
 from flockbrush.learning.turns import Turns, predicted, thinned, turns_of
-from flockbrush.learning.which_model import ModelComparison, ModelRow, TurnBlocks, compare_models, problem_of
-from flockbrush.learning.world_rollout import world_looks
+from flockbrush.learning.which_model import (
+    ModelComparison,
+    ModelRow,
+    TurnBlocks,
+    compare_models,
+    likeliest,
+    problem_of,
+)
+from flockbrush.learning.world_rollout import model_of, world_looks
 
 TRUTHS = {kind: brush for name, (kind, brush) in truths().items() if name != "zones, seen"}
 
@@ -208,16 +215,28 @@ def _search_little(monkeypatch, generations):
     monkeypatch.setattr(model_search, "SIZE", 4)
     monkeypatch.setattr(model_search, "SEEDS", 1)
     monkeypatch.setattr(model_search, "LAST_SEEDS", 1)
+    monkeypatch.setattr(trials, "STAY", 3.0)
 
 
 def test_a_model_without_a_likelihood_is_fitted_by_simulation(monkeypatch):
     plain = behaviours()["zones"]
     monkeypatch.setitem(behaviour_module._registry, "plain", plain.__class__(**{**vars(plain), "name": "plain"}))
     _search_little(monkeypatch, 1)
-    assert "plain" in kinds_of_models()
+    assert "plain" in kinds_of_models() and model_of(plain.Params()).name == "plain"
     found = learned_model([evidence_of(tracks("zones")[:48, :10])], "plain", seed=1)
     assert found.model == "plain" and set(found.names) >= {"repulsion", "orientation", "attraction"}
     assert not found.identifiable.any() and found.loss[-1] <= found.loss[0]
+
+
+def test_a_model_that_comes_or_goes_is_known_at_once(monkeypatch):
+    """As in a notebook, where the cell of a model is run again."""
+    zones = behaviours()["zones"]
+    assert model_of(zones.Params()) is zones
+    again = type("Params", (zones.Params,), {})
+    with monkeypatch.context() as patch:
+        patch.setitem(behaviour_module._registry, "mine", replace(zones, name="mine", Params=again))
+        assert model_of(again()).name == "mine"
+    assert model_of(zones.Params()) is zones
 
 
 def test_the_sentence_names_what_is_told_apart_and_what_is_not():
@@ -256,7 +275,10 @@ def test_simulations_refine_a_fit_to_next_steps(monkeypatch):
 
 
 def test_of_all_frames_the_best_of_what_came_of_parts_is_kept(monkeypatch):
-    clip, truth = evidence_of(tracks("morse")[:64, :16]), TRUTHS["morse"].params
+    clip, truth = evidence_of(tracks("morse")[:48, :10]), TRUTHS["morse"].params
+    _search_little(monkeypatch, 1)
+    fit = likeliest(likelihoods()["morse"], TurnBlocks([clip]), 0)
+    monkeypatch.setattr(model_fit, "likeliest", lambda *_: fit)  # the same each time
     monkeypatch.setattr(model_search, "_evolved", lambda *_: pytest.fail("a new search"))
     false = truth.model_copy(update={"attraction": 900.0, "repulsion": 0.1, "wander": 2.0})
     for parts in ([truth, false], [false, truth]):
