@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.learned_parameters import Learned
+from flockbrush.learning.likelihood import likelihoods
 from flockbrush.learning.model_fit import add_distances, kinds_of_models
 from flockbrush.learning.which_model import HERD, ModelComparison, compare_models, problem_of
 from flockbrush.runs.terminal import measure, table
@@ -44,7 +46,10 @@ def kind_of(name: str, clips: Sequence[Evidence], photo: bool = False) -> str:
     """
     if name == HERD:
         return HERD
-    problem = "it is one picture, and models are compared by the turns of animals" if photo else problem_of(clips)
+    model = None if name == AUTO else likelihoods()[name].behaviour if name in likelihoods() else behaviours()[name]
+    problem = (
+        "it is one picture, and models are compared by the turns of animals" if photo else problem_of(clips, model)
+    )
     if problem and name != AUTO:
         raise refused(clips[0].name, f"{problem}: leave out --model {name}")
     return HERD if problem else name

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.behaviours.behaviour import Behaviour, behaviours
 from flockbrush.behaviours.brush import VisionSpec
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.film.observations import Evidence
@@ -135,9 +135,11 @@ def perception_of(vision: VisionSpec) -> str:
     return f"{seen} within {vision.range:g} BL"
 
 
-def problem_of(clips: Sequence[Evidence]) -> str:
-    """Why the models of these clips cannot be compared; "" where they can."""
+def problem_of(clips: Sequence[Evidence], model: Behaviour | None = None) -> str:
+    """Why the models of these clips cannot be compared, or not this one; "" where they can."""
     for clip in clips:
+        if model is not None and model.flight is not None and clip.fields.obstacle.any():
+            return f"it shows obstacles, and animals of the model {model.name} are simulated on open ground only"
         if not told_apart(clip):
             return "single animals could not be separated, and models are compared by the turns of single animals"
         if clip.fields.shows_part:
@@ -153,12 +155,12 @@ def compare_models(clips: Sequence[Evidence], names: Sequence[str] | None = None
     clips : sequence of Evidence
         Whole herds, whose animals are told apart (`problem_of`).
     names : sequence of str, optional
-        Of likelihoods; default: all.
+        Of likelihoods; default: all that these clips allow.
     seed : int
         Of the searches.
     """
     known = likelihoods()
-    kinds = [known[name] for name in (names or known)]
+    kinds = [known[name] for name in (names or known) if names or not problem_of(clips, known[name].behaviour)]
     blocks = TurnBlocks(clips)
     if not blocks.reference:
         return ModelComparison([], math.nan, 0, "no turns of animals are visible")

@@ -44,8 +44,10 @@ def world_looks(start, params, speed, body, vision, seconds, fps, seed, around, 
 
     Frames are at 0, 1/fps ... up to ``seconds``; between two ticks, ``dt`` apart, places and headings are
     interpolated.  ``around`` are its `flockbrush.learning.rollout.Surroundings`; ValueError when these are gates or a
-    guide, and not walls alone.
+    guide, and not walls alone, or walls of a model that flies: what bars its way are solids.
     """
+    if around.walls is not None and model_of(params).flight is not None:
+        raise ValueError(f"animals of the model {model_of(params).name} cannot be simulated among the walls of a clip")
     if around.gates is not None or around.guide is not None:
         raise ValueError("only brushes of the herd model with exact sight can be simulated in part of a herd")
     simulation = plane(brush_of_parts(params, speed, body, vision), max(len(start), 1), SPACING, seed=int(seed) % 2**31)

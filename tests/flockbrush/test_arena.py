@@ -213,7 +213,8 @@ def test_zones_are_told_from_other_models_in_an_arena(tmp_path):
     assert far.max() < RADIUS and (far > RADIUS - 1.0).any(1).mean() > 0.5  # often at the wall, never beyond
     np.save(tmp_path / "fish.npy", xy)
     seen = seen_in(tmp_path / "fish.npy", Arena("circle", (0.0, 0.0, RADIUS)))
-    found = compare_models([seen], ["zones", "herd", "topological"])
+    found = compare_models([seen])
+    assert {row.name for row in found.rows} == {"zones", "herd", "topological", "morse"}
     assert found.equal == ["zones"] and found.rows[0].params.repulsion == pytest.approx(1.0, abs=0.15)
     params = {row.name: row.params for row in found.rows}["topological"]
     assert not np.allclose(theta_of(params)[9:], theta_of(Params())[9:])  # what turns from the wall tell

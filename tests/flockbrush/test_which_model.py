@@ -161,6 +161,8 @@ def test_a_herd_in_a_world_goes_as_one_without(dt, wander_time, walls):
         assert len(ids) == 20
         np.testing.assert_allclose(xy, run.xy[run.of(t)], atol=1e-9)
         np.testing.assert_allclose(forward, run.forward[run.of(t)], atol=1e-9)
+    with pytest.raises(ValueError, match="model boids cannot"):
+        rollout(start, TRUTHS["boids"].params, *parts[2:], seconds=1.0, around=Surroundings(POND))
     with pytest.raises(ValueError, match="part of a herd"):
         rollout(start, TRUTHS["zones"].params, *parts[2:], seconds=1.0, around=Surroundings(gates=object()))
 
@@ -205,7 +207,9 @@ def test_what_cannot_be_learned_is_refused_in_a_sentence(tmp_path):
     clip = evidence_of(tracks("zones"))
     assert problem_of([clip]) == ""
     clip.fields.obstacle[2, 3] = True
-    assert problem_of([clip]) == ""
+    assert problem_of([clip]) == "" and kind_of("auto", [clip]) == "auto" and kind_of("zones", [clip]) == "zones"
+    with pytest.raises(ProblemsError, match="animals of the model boids are simulated on open ground only"):
+        kind_of("boids", [clip])
     part = replace(clip.fields, at_edge=np.full(len(clip.fields), 0.5))
     assert "the whole herd" in problem_of([replace(clip, fields=part)])
 
