@@ -172,8 +172,14 @@ def _descend_on_turns(given, theta, extras, rows, span):
     turns, params, free = _turns(given, extras, span), params_of(theta, extras), _free(given)
     if turns is None or not len(turns.ticks):
         return None
-    fit = fit_turns(thinned(turns, rows), theta, params, free=free, tolerance=1e-5)
-    return {"theta": theta_seen(fit, free).tolist(), "extras": extras, "loss": fit.loss.tolist(), "by_turns": True}
+    some = thinned(turns, rows)
+    fit = fit_turns(some, theta, params, free=free, tolerance=1e-5)
+    return {
+        "theta": theta_seen(fit, some, free).tolist(),
+        "extras": extras,
+        "loss": fit.loss.tolist(),
+        "by_turns": True,
+    }
 
 
 def wandering(given: Setting, theta, extras, seed):

@@ -312,14 +312,16 @@ def best_fit(
         if last[-1].interrupted:
             break
     best = min(last, key=lambda fit: fit.loss[-1])
-    return replace(best, theta=theta_seen(best, free), interrupted=any(fit.interrupted for fit in last))
+    return replace(best, theta=theta_seen(best, turns, free), interrupted=any(fit.interrupted for fit in last))
 
 
-def theta_seen(fit: TurnFit, free=None) -> np.ndarray:
-    """The numbers of a fit (12,), with defaults for those of obstacles that no turn tells.
+def theta_seen(fit: TurnFit, turns: Turns, free=None) -> np.ndarray:
+    """The numbers of a fit (12,), with defaults for those of obstacles where none is seen by who turns.
 
-    Of a force between animals that has vanished, turns tell nothing either, but that it has vanished.
+    Of a force that has vanished, turns tell nothing either, but that it has vanished.
     """
+    if np.diff(turns.percept.walls_first)[turns.rows].any():
+        return fit.theta
     unsaid = ~np.isfinite(fit.deviation) & (np.ones(12, bool) if free is None else np.asarray(free, bool))
     unsaid[:FORCES] = False
     return np.where(unsaid, theta_of(Params()), fit.theta)

@@ -128,9 +128,14 @@ def test_a_force_that_vanished_stays_so():
     theta[1] = LEAST
     told = np.ones(12)
     told[[0, 1, 2, 9, 10, 11]] = 0.0
-    fit = TurnFit(theta, np.zeros(1), 0.1, np.diag(told))
-    assert (theta_seen(fit) == np.concatenate([theta[:9], usual[9:]])).all()
-    assert (theta_seen(fit, free=np.arange(12) < 9) == theta).all()
+    fit, turns = TurnFit(theta, np.zeros(1), 0.1, np.diag(told)), march()
+    assert (theta_seen(fit, turns) == np.concatenate([theta[:9], usual[9:]])).all()
+    assert (theta_seen(fit, turns, free=np.arange(12) < 9) == theta).all()
+    at, n = turns.rows[3], turns.percept.animals
+    for seen, alone in ((at, False), (np.setdiff1d(np.arange(n), turns.rows)[:1], True)):  # by who turns, by others
+        first = np.concatenate([[0], np.cumsum(np.isin(np.arange(n), seen))])
+        walls = turns.percept._replace(walls_first=first, walls_offset=np.ones((first[-1], 2)))
+        assert (theta_seen(fit, turns._replace(percept=walls)) == theta).all() != alone
 
 
 def march(**more):
