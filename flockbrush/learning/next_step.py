@@ -14,9 +14,10 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
-from flockbrush.behaviours.behaviour import Air, Behaviour, Scene, flock_of, frozen
+from flockbrush.behaviours.behaviour import Air, Behaviour, flock_of, frozen
 from flockbrush.engine.maths import atan2_
 from flockbrush.engine.parallel import over_rows
+from flockbrush.learning.plane_scene import plane_scene
 from flockbrush.learning.turn_kernels import aside_of_
 from flockbrush.learning.turns import FREEDOM, SMALLEST, Turns
 from flockbrush.systems.contact import SKIN
@@ -65,21 +66,17 @@ class NextSteps:
         seen = np.column_stack([c * fx - s * fy, s * fx + c * fy, np.zeros(self.n)])
         speed = np.hypot(*turns.velocity.T)
         up, far, flat = np.tile([0.0, 0.0, 1.0], (total, 1)), np.full(total, np.inf), np.zeros((total, 3))
-        nobody, plain = np.zeros(total + 1, np.int64), np.zeros((total, 2))
+        nobody = np.zeros(total + 1, np.int64)
         forward = np.concatenate([np.zeros((self.k, 3)), seen])
         air = Air(
             self.first, self.near, offset, up, far, forward, far, up,
             np.zeros(total), np.zeros(total, np.uint8), flat, nobody, np.zeros((0, 3)),
         )  # fmt: skip
-        one = np.zeros(total, np.int32)
-        return Scene(
-            dt=turns.dt, tick=tick, key=_no_chance, ids=np.arange(1, total + 1), xyz=flat,
+        return plane_scene(
+            dt=turns.dt, tick=tick, key=_no_chance, ids=np.arange(1, total + 1), forward=forward,
             velocity=np.concatenate([np.zeros((self.k, 3)), speed[:, None] * seen]),
-            forward=forward, speed=np.concatenate([self.own_speed, speed]), effort=self.effort, length=np.ones(total),
-            leader=np.zeros(total, np.uint8), species=one, danger=np.zeros(total, np.uint8), first=self.first,
-            near=self.near, offset=offset[:, :2].copy(), obstacle_first=self.walls_first, obstacle_offset=walls,
-            guidance=plain, slope=plain, memory=plain, known=np.zeros(total, np.uint8),
-            order=np.arange(total, dtype=np.int32), air=frozen(air),
+            speed=np.concatenate([self.own_speed, speed]), effort=self.effort,
+            seen=Lists(self.first, self.near, offset[:, :2].copy()), walls=(self.walls_first, walls), air=frozen(air),
         )  # fmt: skip
 
     def predicted(self, model: Behaviour, params) -> np.ndarray:

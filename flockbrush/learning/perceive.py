@@ -123,9 +123,10 @@ def _leaders(xyz, forward, species, lists, params):
 
 
 def leader_rule(params):
-    """The `LeaderRules` of animals of one brush."""
-    half = -1.0 if params.leader_cone >= 360.0 else sincos_(np.radians(0.5 * params.leader_cone))[1]
-    rule = float(params.neighbour_range), params.leader_neighbours, half
+    """The `LeaderRules` of animals of one brush; in models without such rules nobody leads."""
+    cone = getattr(params, "leader_cone", 360.0)
+    half = -1.0 if cone >= 360.0 else sincos_(np.radians(0.5 * cone))[1]
+    rule = float(getattr(params, "neighbour_range", np.inf)), getattr(params, "leader_neighbours", -1), half
     return LeaderRules(*(np.array([value]) for value in rule))
 
 

@@ -20,8 +20,7 @@ from flockbrush.learning.model_fit import kinds_of_models
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.side_by_side import ComparisonGround
 from flockbrush.learning.simulate import longest_way, simulated
-from flockbrush.learning.which_model import problem_of
-from flockbrush.learning.world_rollout import model_of, needs_world
+from flockbrush.learning.world_rollout import needs_world
 from flockbrush.render import Video
 from flockbrush.runs.terminal import Interrupts, compiling, measure, print_json, progress, say, show, table
 
@@ -55,9 +54,12 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
         if evidence.still:
             raise refused(clip, "is one picture; there is no motion to compare with")
         tell_notes(clip, evidence)
-        other = needs_world(brush.params, brush.vision)
-        if other and (problem := problem_of([evidence], model_of(brush.params))):
-            raise refused(clip, f"{problem}; use a brush of the model herd, not {brush.name}")
+        if needs_world(brush.params) and (evidence.fields.obstacle.any() or evidence.fields.shows_part):
+            shows = "obstacles" if evidence.fields.obstacle.any() else "a part of a herd"
+            raise refused(
+                clip, f"it shows {shows}, and animals of the model {brush.model} are simulated on open ground only; "
+                f"use a brush of another model, not {brush.name}",
+            )  # fmt: skip
         try:
             done = [simulated(evidence, brush, seed + k) for k in range(runs)]
         except ValueError as error:

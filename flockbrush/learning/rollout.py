@@ -1,9 +1,9 @@
 """A herd on a plane, run by the kernels of a level but without a world: what learning tries parameters with.
 
 One tick is what an animal goes through on an endless plane (`flockbrush.levels.build.systems`): neighbours, sight,
-roles, forces,
-pace, move, by the very functions the systems call, so a herd here and the same herd in a level are the same bits.  What
-is left out is what a plain has not got: ground, slopes, goals, births, several brushes.
+roles, the model, pace, move, by the very functions the systems call, so a herd here and the same herd in a level are
+the same bits.  What is left out is what a plain has not got: ground, slopes, goals, births, several brushes; and
+flight, for which `flockbrush.learning.world_rollout` has a world.
 
 Lengths are in body lengths (BL), times in seconds; x points right and y up.
 
@@ -29,13 +29,15 @@ from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel
 from flockbrush.behaviours.wander import random_turns, wander_kernel
 from flockbrush.engine.noise import Noise
-from flockbrush.learning.perceive import NO_OWNER, cosine_of, half_and_radius, leader_rule, walls_in_sight
-from flockbrush.learning.world_rollout import between, needs_world, world_looks
+from flockbrush.learning.perceive import BODILESS, NO_OWNER, cosine_of, half_and_radius, leader_rule, walls_in_sight
+from flockbrush.learning.plane_scene import wishes_on_plane
+from flockbrush.learning.world_rollout import between, model_of, needs_world, world_looks
 from flockbrush.systems.contact import move
 from flockbrush.systems.decide import Members, RoleState, _roles
 from flockbrush.systems.grid import sort_into_cells
 from flockbrush.systems.ground_edges import outline_edges
 from flockbrush.systems.pace import PaceRules, PaceState, Walkers, _pace, company, crowding, pause, speed_chance
+from flockbrush.systems.perception import chosen_of_one_kind
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
 DT = 1 / 32  # s, the tick of a level
@@ -275,7 +277,7 @@ class PlaneHerd:
     Parameters
     ----------
     params : Params
-        Of the herd model (`params_of`).
+        Of a model on the ground (`params_of` gives the herd's).
     speed : SpeedSpec
     body, vision : BodySpec, VisionSpec
         The body's radius counts as a share of its length.
@@ -288,7 +290,9 @@ class PlaneHerd:
     def __init__(self, start, params, speed, body=BODY, vision=VISION, *, seed=0, dt=DT, ids=None, around=OPEN):
         self.params, self.spec, self.dt, self.noise = params, speed, dt, Noise(seed)
         self.axis, self.radius = half_and_radius(body)
-        self.range, self.occlusion = float(vision.range), vision.occlusion
+        self.range, self.vision = float(vision.range), vision
+        self.occlusion = vision.occlusion and vision.sight not in BODILESS
+        self.model = None if type(params) is Params else model_of(params)  # the herd has kernels of its own
         self.cosine = cosine_of(vision)
         self.guide, self.tick_number, self.next_id = around.guide, 0, 1
         self._walls(around.walls)
@@ -307,7 +311,7 @@ class PlaneHerd:
 
     def _tables(self):
         p, spec = self.params, self.spec
-        self.forces = forces_of(p)
+        self.forces = forces_of(p) if self.model is None else None
         self.table = np.array(spec.by_density or [(0.0, 1.0)], float)
         self.roles = leader_rule(p)
         density = {"density_first": np.array([0, len(self.table)]), "density_table": self.table}
@@ -323,7 +327,8 @@ class PlaneHerd:
     def _constants(self, n):
         self.size, self.thick = np.full(n, 2 * (self.axis + self.radius)), np.full(n, self.radius)
         self.length, self.none, self.zero = np.ones(n), np.zeros(n, np.int32), np.zeros((n, 2))
-        self.max_turn, self.views = np.full(n, self.params.max_turn), np.full(n, self.range)
+        most = getattr(self.params, "max_turn", np.inf)
+        self.max_turn, self.views = np.full(n, most), np.full(n, self.range)
         self.cosines, self.cap = np.full(n, self.cosine), np.full(n, np.inf)
         # all alike, of a body that can do anything, and driven by nothing
         undriven, on_foot = (self.length, self.cap, self.cap, np.zeros(n), np.zeros(n)), np.zeros(n, np.bool_)
@@ -380,11 +385,15 @@ class PlaneHerd:
             return
         cells = sort_into_cells(self.xyz, self.forward, self.size, self.thick, self.range)
         lists = visible_neighbours(cells, self.views, self.cosines, self.solid, self.occlusion)
-        walls_first, walls_offset = walls_in_sight(self.xyz, self.views, self.solid, self.owner)
+        lists = chosen_of_one_kind(lists, self.vision.sight, self.vision.neighbours)
+        walls = walls_in_sight(self.xyz, self.views, self.solid, self.owner)
         members = Members(self.ids, self.xyz, self.length, self.none, self.none)
         _roles(0, n, self.forward, *lists, members, self.roles, RoleState(self.leader, self.memory, self.known))
-        wish = self._wishes(cells.row, lists, walls_first, walls_offset, params)
-        self._hurry(cells)
+        if self.model is None:
+            wish, pace = self._wishes(cells.row, lists, *walls, params), self.length
+        else:
+            wish, pace = wishes_on_plane(self, lists, walls)
+        self._hurry(cells, self.walkers._replace(wanted=pace))
         step, heading = move(cells, self.forward, wish, self.target, self.max_turn, self.near_walls, self.dt, np.inf)
         self.velocity = step / self.dt
         self.xyz[:, :2] += step
@@ -406,8 +415,8 @@ class PlaneHerd:
         wish[rows] = direction
         return wish
 
-    def _hurry(self, cells):
-        n, key, walkers = len(self.ids), self.noise.key, self.walkers
+    def _hurry(self, cells, walkers):
+        n, key = len(self.ids), self.noise.key
         was = self.drawn.copy() if self.spec.stops > 0.0 else self.drawn
         if self.spec.by_density:
             walkers = walkers._replace(density=np.zeros(n))
@@ -425,7 +434,7 @@ def rollout(start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0
     Parameters
     ----------
     params : Params or (12,) array_like
-        Of any model; twelve numbers are the herd's.  Others than the herd's run among no gates (ValueError).
+        Of any model; twelve numbers are the herd's.  Those that fly have nothing around them (ValueError).
     speed, body, vision : SpeedSpec, BodySpec, VisionSpec
     seconds, fps : float
         Frames are at 0, 1/fps ... up to ``seconds``; between two ticks positions are interpolated.
@@ -437,7 +446,7 @@ def rollout(start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0
     """
     if not isinstance(params, Parameters):
         params = params_of(params)
-    if needs_world(params, vision):
+    if needs_world(params):
         return _run_of(world_looks(start, params, speed, body, vision, seconds, fps, seed, around, dt), fps)
     herd = PlaneHerd(start, params, speed, body, vision, seed=seed, dt=dt, around=around)
     frames = int(seconds * fps + 1e-6) + 1

@@ -1,4 +1,4 @@
-"""A herd of any model on a plane: the real tick, for what `flockbrush.learning.rollout` has no kernels of."""
+"""A herd that flies, held to an endless plane: the real tick, for what `flockbrush.learning.rollout` leaves out."""
 
 from __future__ import annotations
 
@@ -8,12 +8,9 @@ import numpy as np
 
 from flockbrush.behaviours.behaviour import Behaviour, behaviours
 from flockbrush.behaviours.brush import BodySpec, Brush, Provenance
-from flockbrush.behaviours.models.herd import Params as HerdParams
 from flockbrush.components import Heading, Position, Speed, Velocity
 from flockbrush.engine.clock import Clock
 from flockbrush.levels.build import plane
-from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.visibility import edges_by_cell
 
 SPACING = 0.5  # animals per BL² of the ground that they are put on first
 NOTHING = Provenance(kind="learned", source="a rollout", date=datetime.date(2000, 1, 1), by="flockbrush")
@@ -25,9 +22,9 @@ def model_of(params) -> Behaviour:
     return min(models, key=lambda model: (model.danger, model.name))
 
 
-def needs_world(params, vision) -> bool:
-    """Whether a herd can only be run in a world: another model than the herd's, or a choice among those in view."""
-    return type(params) is not HerdParams or vision.sight != "exact"
+def needs_world(params) -> bool:
+    """Whether a herd can only be run in a world: one that flies, if only over the ground."""
+    return model_of(params).flight is not None
 
 
 def brush_of_parts(params, speed, body, vision) -> Brush:
@@ -43,21 +40,17 @@ def world_looks(start, params, speed, body, vision, seconds, fps, seed, around, 
     """What a herd does, [(ids, xy, forward, velocity)] of each frame, in BL.
 
     Frames are at 0, 1/fps ... up to ``seconds``; between two ticks, ``dt`` apart, places and headings are
-    interpolated.  ``around`` are its `flockbrush.learning.rollout.Surroundings`; ValueError when these are gates or a
-    guide, and not walls alone, or walls of a model that flies: what bars its way are solids.
+    interpolated.  ValueError when something is ``around`` (`flockbrush.learning.rollout.Surroundings`).
     """
-    if around.walls is not None and model_of(params).flight is not None:
-        raise ValueError(f"animals of the model {model_of(params).name} cannot be simulated among the walls of a clip")
-    if around.gates is not None or around.guide is not None:
-        raise ValueError("only brushes of the herd model with exact sight can be simulated in part of a herd")
+    if any(thing is not None for thing in around):
+        name = model_of(params).name
+        raise ValueError(f"animals of the model {name} cannot be simulated among walls or in part of a herd")
     simulation = plane(brush_of_parts(params, speed, body, vision), max(len(start), 1), SPACING, seed=int(seed) % 2**31)
     agents, n = simulation.agents, len(start)
     if not n:
         empty = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 2))
         return [empty] * (int(seconds * fps + 1e-6) + 1)
     middle = agents[Position.xyz][:, :2].mean(0) - start.xy.mean(0)
-    if around.walls is not None:
-        _wall_in(simulation.world.resource(Landscape), around.walls, middle)
     agents[Position.xyz][:, :2] = start.xy + middle
     agents[Heading.forward][:, :2] = start.forward
     if start.speed is not None:
@@ -74,12 +67,6 @@ def world_looks(start, params, speed, body, vision, seconds, fps, seed, around, 
         now, share = _look(agents, middle), 1.0 - (done - after)
         looks.append(now if before is None or share > 1 - 1e-9 else between(before, now, share))
     return looks
-
-
-def _wall_in(land, walls, middle):
-    """Put the edges of a clip's obstacles on open ground; nothing else there may change afterwards."""
-    edges = edges_by_cell(walls.ends + np.tile(middle, 2), land.reach)
-    land.solid, land.opaque, land.solid_owner, land.touch = edges, edges, walls.owner, 0.0
 
 
 def _look(agents, middle):

@@ -4,12 +4,13 @@ import time
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.brush import SpeedSpec, shipped
+from flockbrush.behaviours.brush import SpeedSpec, VisionSpec, shipped
 from flockbrush.components import Heading, Position, Speed, Velocity
 from flockbrush.components.level_things import Obstacle
 from flockbrush.levels.build import plane
 from flockbrush.systems.landscape import Landscape
 
+from benchmarks.learning_models import truths
 from flockbrush.film.observations import Fields
 from flockbrush.learning.rollout import (
     NAMES,
@@ -48,6 +49,29 @@ def test_a_herd_here_and_the_same_herd_in_a_level_are_the_same_bits(name):
     assert np.array_equal(agents[Velocity.xyz][:, :2], herd.velocity)
 
 
+@pytest.mark.parametrize("obstacle", [False, True])
+@pytest.mark.parametrize("name", ["zones", "zones, seen", "morse", "topological, 6", "voronoi"])
+def test_a_herd_of_any_model_on_the_ground_is_that_of_a_level(name, obstacle):
+    """With a choice among those in view, paces that the model asks for, and random turns that last."""
+    known = truths()
+    brush = known[name][1] if name in known else known["topological, 6"][1].model_copy(
+        update={"vision": VisionSpec(range=20.0, sight="voronoi")}
+    )  # fmt: skip
+    brush = brush.model_copy(update={"params": brush.params.model_copy(update={"wander": 0.3, "wander_time": 0.2})})
+    simulation = plane(brush, 40, seed=3, heading=0.0)
+    begin, walls = start_of(simulation), None
+    if obstacle:
+        walls = block_before(simulation, begin)
+    around = Surroundings(walls)
+    herd = PlaneHerd(begin, brush.params, brush.speed, brush.body, brush.vision, seed=3, around=around)
+    for _ in range(64):
+        simulation.tick()
+        herd.tick()
+    agents = simulation.agents
+    assert np.array_equal(agents[Position.xyz], herd.xyz) and np.array_equal(agents[Speed.effort], herd.effort)
+    assert np.array_equal(agents[Heading.forward], herd.forward)
+
+
 def test_a_crowd_slows_here_as_it_does_in_a_level():
     march = shipped().get("march")
     slow = SpeedSpec(mean=3.0, deviation=0.2, reversion=2.0, by_density=((0.2, 1.0), (1.0, 0.3)))
@@ -61,17 +85,22 @@ def test_a_crowd_slows_here_as_it_does_in_a_level():
     assert np.array_equal(simulation.agents[Speed.target], herd.target)
 
 
-def test_an_obstacle_here_and_in_a_level_turns_animals_the_same_way():
-    brush = shipped().get("march")
-    simulation = plane(brush, 40, seed=3, heading=0.0)
-    begin = start_of(simulation)
+def block_before(simulation, begin):
+    """Put an obstacle in the way of a herd in a level; the same as `Walls`."""
     x, y = begin.xy.max(0)[0] + 1.0, begin.xy[:, 1].mean()
     block = np.array([(x, y - 2), (x + 2, y - 2), (x + 2, y + 2), (x, y + 2)])
     land = simulation.world.resource(Landscape)
     land.obstacles.append(Obstacle(0, "", block))
     land.rebuild(navigation=False)
-    ends = np.hstack([block, np.roll(block, -1, 0)])
-    walls = Walls(ends, np.zeros(4, np.int32))
+    return Walls(np.hstack([block, np.roll(block, -1, 0)]), np.zeros(4, np.int32))
+
+
+def test_an_obstacle_here_and_in_a_level_turns_animals_the_same_way():
+    brush = shipped().get("march")
+    simulation = plane(brush, 40, seed=3, heading=0.0)
+    begin = start_of(simulation)
+    walls = block_before(simulation, begin)
+    block = walls.ends[:, :2]
     herd = PlaneHerd(begin, brush.params, brush.speed, brush.body, brush.vision, seed=3, around=Surroundings(walls))
     for _ in range(48):
         simulation.tick()
