@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import SpeedSpec, VisionSpec, shipped
+from flockbrush.behaviours.models.zones import Params as ZonesParams
 from flockbrush.components import Heading, Position, Speed, Velocity
 from flockbrush.components.level_things import Obstacle
 from flockbrush.levels.build import plane
@@ -149,13 +150,14 @@ def band(frames=30, seen=(2, 8), count=12, velocity=(2.0, 0.0)):
     )  # fmt: skip
 
 
-def test_who_leaves_the_picture_is_taken_out_and_others_come_in_on_the_side_where_animals_came_in():
+@pytest.mark.parametrize("kind", ["herd", "zones"])
+def test_who_leaves_the_picture_is_taken_out_and_others_come_in_on_the_side_where_animals_came_in(kind):
     gates = Gates.of(band())
     rng = np.random.default_rng(1)
     begin = HerdStart(
         np.column_stack([rng.uniform(2.5, 7.5, 12), np.linspace(4.0, 6.0, 12)]), np.tile([1.0, 0.0], (12, 1))
     )
-    straight = params_of(np.full(12, 1e-3), ALONE)
+    straight = params_of(np.full(12, 1e-3), ALONE) if kind == "herd" else ZonesParams(repulsion=0.0, orientation=8.0)
     run = rollout(begin, straight, SpeedSpec(mean=2.0), seconds=2.9, fps=10.0, around=Surroundings(gates=gates))
     numbers = np.diff(run.first)
     assert 9 <= numbers[10:].mean() <= 13
