@@ -54,6 +54,14 @@ def short_way(offset, wrap):
     return offset if wrap is None else offset - np.multiply(wrap, np.floor(offset / np.array(wrap) + 0.5))
 
 
+def farthest_sight(wrap):
+    """How far anybody can see on such a map, m: where it goes on at the opposite border, half its shorter side.
+
+    So nobody is seen twice, or sees itself over the border.
+    """
+    return np.inf if wrap is None else (0.5 - 1e-6) * min(wrap)
+
+
 def sort_into_cells(xyz, forward, length, radius, reach, wrap=None, rows=None):
     """Sort a herd into cells.
 

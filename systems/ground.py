@@ -27,6 +27,7 @@ from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.binding import Bindable, MediaChange, mix_paint, painted_for, through_media
 from flockbrush.systems.fauna import SpeciesList
+from flockbrush.systems.grid import farthest_sight
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.leaders import arrive
 from flockbrush.systems.navigation import follow
@@ -81,6 +82,8 @@ class Underfoot(System):
         taken = Taken(*(agents[c] for c in (b.brush, b.previous, b.blend, Vision.range, Vision.field_of_view)))
         dt = world.resource(Clock).dt
         over_rows(_bind, n, animals, land.cell, land.transition, painted, wanted, rules, dt, taken)
+        if land.wrap is not None:
+            np.minimum(taken.view_range, farthest_sight(land.wrap), out=taken.view_range)
 
     @staticmethod
     def _change_media(world, animals, wanted):

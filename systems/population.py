@@ -21,6 +21,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.solid_queries import out_of_
 from flockbrush.systems.fauna import SpeciesList
+from flockbrush.systems.grid import farthest_sight
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
@@ -95,7 +96,7 @@ def give_birth(world, spawn, count, stream="birth"):
             Individual.pace: pace,
             Individual.boldness: boldness,
             Transit.kind: TAKING_OFF if stands else SETTLED,
-            Vision.range: asset.vision.range * length,
+            Vision.range: np.minimum(asset.vision.range * length, farthest_sight(land.wrap)),
             Vision.field_of_view: np.radians(asset.vision.field_of_view),
             **dict.fromkeys((BrushBinding.brush, BrushBinding.previous, BrushBinding.home), index),
             Speed.drawn: speeds,

@@ -26,6 +26,7 @@ from flockbrush.components.program_state import BY_COMMAND, BY_END
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.schedule import Stage, System
+from flockbrush.systems.grid import farthest_sight
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.named_regions import entered, in_region
 from flockbrush.systems.palette import Palette
@@ -346,7 +347,8 @@ def born_into(world, entities, name):
     palette = world.resource(Palette)
     agents[BrushBinding.brush][rows] = brush
     agents[BrushBinding.previous][rows] = brush
-    agents[Vision.range][rows] = palette.view_range[brush] * agents[Body.length][rows]
+    view_range = palette.view_range[brush] * agents[Body.length][rows]
+    agents[Vision.range][rows] = np.minimum(view_range, farthest_sight(world.resource(Landscape).wrap))
     agents[Vision.field_of_view][rows] = palette.field_of_view[brush]
 
 
