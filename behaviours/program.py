@@ -82,7 +82,9 @@ class State(Spec):
         None, alias="for", description="duration of the state; with a range, each animal draws its own"
     )
     then: Shares | None = spec_field(None, "the next state, or a table of states and weights")
-    emits: Word | None = spec_field(None, "name of the event raised when an animal enters the state")
+    emits: Word | None = spec_field(
+        None, "name of the event raised when an animal enters the state", examples=["alarm"]
+    )
     emits_within: Length | None = spec_field(None, "radius within which animals hear the event; default: everywhere")
     colour: Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")] | None = spec_field(
         None, "colour in charts and tables, #rrggbb", examples=["#c9a24b"]
@@ -198,10 +200,9 @@ def _read(toml: TomlFile) -> Program:
     states, mistakes = _read_states(document.pop("state", None))
     triggers, more = _read_triggers(document.pop("trigger", ()), states)
     mistakes += more
-    for word in ("states", "triggers", "name"):
-        if word in document:
-            mistakes.append(((word,), _misspelt(word)))
-            del document[word]
+    for word in [word for word in document if word not in WORDS]:
+        mistakes.append(((word,), _misspelt(word)))
+        del document[word]
     whole = {**document, "name": name, "states": {}, "triggers": ()}
     program, wrong = _validated(Program, whole, ())
     mistakes += wrong
@@ -214,10 +215,15 @@ def _read(toml: TomlFile) -> Program:
     return _with_streams(program)
 
 
+WORDS = "title", "description", "source", "start"  # of a program, besides its schema, states and triggers
+
+
 def _misspelt(word):
     if word == "name":
         return "the name of a program is its file name; remove this line"
-    return f"unknown name; write {'[state.NAME]' if word == 'states' else '[[trigger]]'} tables"
+    if word in ("states", "triggers"):
+        return f"unknown name; write {'[state.NAME]' if word == 'states' else '[[trigger]]'} tables"
+    return f"unknown name{did_you_mean(word, (*WORDS, 'schema', 'state', 'trigger'))}"
 
 
 def _read_states(tables) -> tuple[dict[str, State] | None, list[tuple[Key, str]]]:
@@ -248,6 +254,7 @@ def _read_triggers(tables, states) -> tuple[tuple[Trigger, ...], list[tuple[Key,
         path: Key = ("trigger", k)
         if "when" not in table:
             mistakes.append((path, "has no condition; give it when = { ... }"))
+            mistakes += _validated(Trigger, {**table, "when": _NEVER}, path)[1]
             continue
         when, wrong = read_condition(table["when"], path + ("when",))
         mistakes += wrong

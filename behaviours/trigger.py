@@ -154,6 +154,10 @@ class Condition(BaseModel):
         """What is remembered, so that conditions that remember the same share one memory."""
         return ()
 
+    def oddity(self) -> str:
+        """Why it holds always or never, whatever happens; "" where it does not."""
+        return ""
+
     def references(self) -> Iterator[Reference]:
         """Names that must exist."""
         return iter(())

@@ -134,6 +134,20 @@ def program_hints(level, places):
                         f"program {spawn.program!r} names the {what} {name[:60]!r}, which is not in this level: no "
                         f"animal is ever in it or near it{did_you_mean(name, names)}"
                     )
+        for name in program.references("state") if program is not None else ():
+            other, slash, state = name.partition("/")
+            if not slash or other in mentioned:
+                continue
+            found = level.programs.get(other)
+            known_states = list(found.states) if found else []
+            if state not in known_states:
+                what = (
+                    f"state {state[:60]!r}, which program {other[:60]!r} does not have"
+                    if found
+                    else (f"program {other[:60]!r}, which no animal of this level follows")
+                )
+                hint = did_you_mean(state, known_states) if found else did_you_mean(other, level.programs)
+                places[spawn.id].warn(f"program {spawn.program!r} names the {what}: no animal is ever in it{hint}")
 
 
 def script_hints(level, places):

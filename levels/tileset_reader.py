@@ -89,7 +89,7 @@ class TilesetReader:
             place.say(f"'objectalignment' must be one of {', '.join(geometry.ALIGNMENTS)}, got {shown(alignment)}")
             alignment = "unspecified"
         if any(t.firstgid == firstgid for t in self.tilesets):
-            place.say(f"two tilesets begin at tile id {firstgid}")
+            self.place.say(f"two tilesets begin at tile id {firstgid}, one of them {name[:60]!r}")
         tiles = self._read_tiles(entry, count, name, folder, place)
         self.tilesets.append(Tileset(firstgid, count, name, alignment, tiles, entry, folder))
         self.tilesets.sort(key=lambda t: t.firstgid)

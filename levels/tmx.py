@@ -155,10 +155,15 @@ def _property(element):
         node["value"].line = element.line
         return node
     text = element.attributes.get("value", element.text)
+    name = f"property {element.attributes.get('name', '')[:40]!r}"
     if kind in ("int", "float", "object"):
-        node["value"] = _number(text, element.line, f"property {element.attributes.get('name', '')[:40]!r}")
+        node["value"] = _number(text, element.line, name)
+    elif kind == "bool":
+        if text not in ("true", "false"):
+            raise JsonError(f"{name} must be true or false, got {text[:40]!r}", element.line)
+        node["value"] = text == "true"
     else:
-        node["value"] = text == "true" if kind == "bool" else text
+        node["value"] = text
     return node
 
 

@@ -12,7 +12,7 @@ from numba import njit
 class EventHeard(Condition):
     """The animal hears a named event from a script, Python, the mouse, a zone or another trigger."""
 
-    event: str = given(..., "name of the event")
+    event: str = given(..., "name of the event", min_length=1)
 
     def holds(self, senses, rows):
         heard = np.zeros(len(rows), bool)

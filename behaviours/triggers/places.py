@@ -36,6 +36,13 @@ class DistanceTo(Condition):
     def references(self):
         yield Reference("place", self.distance_to)
 
+    def oddity(self):
+        low, high = self.above, self.below
+        if low is None and high is None:
+            return "holds everywhere: give it below or above"
+        never = low is not None and high is not None and low.own == high.own and low.low >= high.low
+        return f"never holds: nothing is above {low} and below {high}" if never else ""
+
 
 def between(values, below, above, length):
     """(k,) bool: below one amount and above another, where they are given."""

@@ -19,6 +19,10 @@ class LevelTime(Condition):
         holds = now >= self.level_time.low and (self.until is None or now <= self.until.low)
         return np.full(len(rows), holds)
 
+    def oddity(self):
+        past = self.until is not None and self.until.low < self.level_time.low
+        return f"never holds: until {self.until} is before {self.level_time}" if past else ""
+
 
 @condition
 class TimeInState(Condition):

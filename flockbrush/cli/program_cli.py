@@ -148,6 +148,15 @@ def oddities(program, file):
         if name not in (ANYONE, KIN, OTHERS, *known):
             message = f"there is no shipped species {name!r}{did_you_mean(name, known)}"
             yield Problem(file, None, None, message)
+    for k, trigger in enumerate(program.triggers):
+        for odd in filter(None, (part.oddity() for part in trigger.when.walk())):
+            yield Problem(file, None, f"trigger[{k}].when", odd)
+    for name in program.references("state"):
+        other, slash, state = name.partition("/")
+        found = shipped_programs().get(other) if slash and other in shipped_programs().names() else None
+        if found is not None and state not in found.states:
+            message = f"the shipped program {other!r} has no state {state!r}{did_you_mean(state, found.states)}"
+            yield Problem(file, None, None, message)
 
 
 # on a plane ------------------------------------------------------------------------------------

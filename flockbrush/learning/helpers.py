@@ -9,13 +9,13 @@ import signal
 import uuid
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import suppress
-from multiprocessing import get_context
 
 from flockbrush.engine.files import refused
 from flockbrush.engine.parallel import set_threads
 from flockbrush.runs.cluster import let_go
+from flockbrush.runs.process_pool import ProcessPool
 
 ASKED = 0.5  # s between two questions whether to stop
 MOST = 1024  # processes
@@ -87,7 +87,7 @@ class Helpers:
 
     def __init__(self, jobs: int = 1):
         self.jobs = min(max(1, int(jobs)), MOST)
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: ProcessPool | None = None
 
     def __enter__(self):
         return self
@@ -99,7 +99,7 @@ class Helpers:
 
     def _submit(self, function, args) -> Future:
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(self.jobs - 1, get_context("spawn"), initializer=_begin)
+            self._pool = ProcessPool(self.jobs - 1, _begin)
         return self._pool.submit(function, *args)
 
     def begin(self, module: str):

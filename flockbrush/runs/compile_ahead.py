@@ -8,7 +8,6 @@ it is called, as without all this.
 from __future__ import annotations
 
 import multiprocessing
-import signal
 import sys
 import threading
 import time
@@ -17,6 +16,7 @@ from contextlib import contextmanager, suppress
 from flockbrush.engine.kernel_calls import is_kept, key_of, stored_kernels
 from flockbrush.engine.parallel import threads
 from flockbrush.runs import kernel_helper, terminal
+from flockbrush.runs.process_pool import no_interrupts
 
 FEW_STORED = 20  # kernels; with more, only some are to be compiled, and a scout would cost more than it brings
 MOST_HELPERS = 7  # each holds some 200 MB
@@ -104,7 +104,7 @@ class CompileAhead:
         here, there = context.Pipe()
         helper = context.Process(target=task, args=(there, *arguments), daemon=True)
         try:
-            with _no_interrupts():
+            with no_interrupts():
                 helper.start()
         except OSError:  # this process does it alone
             here.close()
@@ -181,19 +181,6 @@ class CompileAhead:
             self.done = self.found
             self._scouting = False
             self._changed.notify_all()
-
-
-@contextmanager
-def _no_interrupts():
-    """Processes that begin here do not hear Ctrl-C, not even before they can say so themselves."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 class _shown:

@@ -22,7 +22,6 @@ from concurrent.futures import (
     CancelledError,
     Executor,
     Future,
-    ProcessPoolExecutor,
     wait,
 )
 from contextlib import contextmanager
@@ -34,6 +33,7 @@ from flockbrush.engine.files import held, refused
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.runs.builds import build_of_sweep, build_of_worker, differences
 from flockbrush.runs.cluster import ClusterGone, MixedCode, OtherCode, let_go, work_as
+from flockbrush.runs.process_pool import ProcessPool
 from flockbrush.runs.terminal import finite, say
 from flockbrush.studies.experiments import perform
 from flockbrush.studies.sweep_file import Scenario, Sweep, read_sweep
@@ -173,8 +173,7 @@ def _end_with_master():
 
 def processes(count) -> Executor:
     """An executor of local processes."""
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker)
+    return ProcessPool(count, _begin_worker)
 
 
 # the journal ---------------------------------------------------------------------------------

@@ -10,6 +10,8 @@ from flockbrush.behaviours.program_writer import program_to_toml, toml
 from flockbrush.behaviours.trigger import conditions, dimension_of, plain, read_condition
 from flockbrush.engine.problems import ProblemsError
 
+from flockbrush.cli.program_cli import oddities
+
 HEAD = 'schema = "flockbrush.program/1"\n'
 TWO = HEAD + '[state.calm]\nbrush = "graze"\n[state.run]\nbrush = "stampede"\n'
 
@@ -112,6 +114,10 @@ def test_a_program_says_states_and_triggers():
         (HEAD + "state = 3", "state: is missing"),
         (TWO + "[trigger]\nto = 'run'", "must be tables [[trigger]]"),
         (TWO + "[[trigger]]\nto = 'run'", "6: trigger[0]: has no condition; give it when = { ... }"),
+        (TWO + "[[trigger]]\nto = 'run'\nwhn = { event = 'x' }", "8: trigger[0].whn: unknown name; did you mean 'when"),
+        (TWO + "[[trigger]]\nto='run'\nwhen={event=''}", "trigger[0].when.event: must not be empty"),
+        (TWO + "[foo]", "6: foo: unknown name; available: description, schema, source, start, state, title, trigger"),
+        (HEAD + '[state.a]\nemits = "a b ü"', "3: state.a.emits: must look like alarm, got 'a b ü'"),
         (TWO + "[[trigger]]\nwhen = { event = 'x' }", "trigger[0].to: is missing"),
         (TWO + "[[trigger]]\nto = 'rum'\nwhen = { event = 'x' }", "7: trigger[0].to: there is no state 'rum'"),
         (TWO + "[[trigger]]\nfrom='clam'\nto='run'\nwhen={event='x'}", "7: trigger[0].from: there is no state 'clam'"),
@@ -315,3 +321,20 @@ def test_a_random_program_runs(seed):
         assert np.isfinite(scene.agents[Position.xyz]).all()
         found.append(state_hash(scene.world))
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(
+    ("when", "said"),
+    [
+        ("{distance_to='x'}", "holds everywhere: give it below or above"),
+        ("{distance_to='x',below='2 m',above='2 m'}", "never holds: nothing is above 2 m and below 2 m"),
+        ("{all=[{event='x'},{level_time='5 s',until='2 s'}]}", "never holds: until 2 s is before 5 s"),
+        ("{share_of_seen_in='zebra/nope',at_least=0.5}", "the shipped program 'zebra' has no state 'nope'"),
+        ("{distance_to='x',below='5 m',above='2 m'}", None),
+        ("{share_of_seen_in='zebra/bolt',at_least=0.5}", None),
+    ],
+)
+def test_conditions_that_never_change_are_told(when, said):
+    program = loaded(TWO + f"[[trigger]]\nto='run'\nwhen={when}")
+    found = [str(one) for one in oddities(program, "small.program.toml")]
+    assert len(found) == (said is not None) and (said is None or said in found[0]), found

@@ -62,6 +62,28 @@ class TestPrograms:
         assert "program 'lake-goose' names the place 'lake', which is not in this level" in found[0]
         assert found[0].endswith("no animal is ever in it or near it; did you mean 'lakes'?")
 
+    @pytest.mark.parametrize(
+        ("state", "said"),
+        [
+            ("merino/run", None),
+            ("merino/rum", "names the state 'rum', which program 'merino' does not have: no animal is ever in it; "),
+            ("merina/run", "names the program 'merina', which no animal of this level follows: no animal is ever"),
+        ],
+    )  # fmt: skip
+    def test_a_state_of_another_program_that_is_not_there_is_named(self, state, said):
+        others = herd(species="sheep", brush="graze", program="merino", count=3)
+        watching = herd(species="sheep", brush="graze", program="watch", count=3)
+        program = (
+            'schema = "flockbrush.program/1"\n[state.a]\n[state.b]\n[[trigger]]\nfrom = "a"\nto = "b"\n'
+            f'when = {{ share_of_seen_in = "{state}", at_least = 0.5 }}\n'
+        )
+        document = level(objects("spawns", watching, others | {"id": 2}))
+        files = {
+            "small.tmj": json.dumps(document, indent=1).encode(), "programs/watch.program.toml": program.encode(),
+        }  # fmt: skip
+        found = [str(warning) for warning in read_level_files(files, library=shipped()).warnings]
+        assert len(found) == (said is not None) and (said is None or said in found[0]), found
+
     def test_a_change_of_brush_that_programs_hide_is_told(self):
         key = thing(4, "Key", 20, 20, extra={"point": True}, at=1.0, command="SwitchBrush", brush="march")
         for program, number in (("", 0), ("merino", 1)):

@@ -118,6 +118,11 @@ BOMB = '<!DOCTYPE map [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><map>&b;</m
         ("<map", "not valid XML: unclosed token", 1),
         ("<html/>", "this is not a map or tileset of Tiled: it begins with <html>", 1),
         ('<map width="wide"/>', "width must be a number, got 'wide'", 1),
+        (
+            '<map><properties>\n<property name="solid" type="bool" value="maybe"/></properties></map>',
+            "property 'solid' must be true or false, got 'maybe'",
+            2,
+        ),
         ('<map width="1e999"/>', "width must be a finite number, got '1e999'", 1),
         ('<map>\n<layer name="x"/></map>', "layer 'x' has no data", 2),
         ('<map><layer name="x">\n<data encoding="csv">1,b</data></layer></map>', "whole numbers with commas", 2),
