@@ -34,6 +34,8 @@ def edit_recording(job: EditJob):
     kind = _kind(job)
     if kind is not None:
         edit = _edit(job, kind, run, file)
+        if not job.layer.strip():
+            raise refused("--layer", f"a layer must have a name, got {job.layer!r}")
         try:
             file.add(edit, job.layer)
         except ValueError as error:
@@ -177,7 +179,10 @@ def _numbers(option, text, counts):
     except ValueError:
         numbers = []
     if len(numbers) not in counts or not all(np.isfinite(numbers)) or max(map(abs, numbers)) > 1e6:
-        raise refused(option, f"must be {' or '.join(map(str, counts))} numbers separated by commas, got {text!r}")
+        raise refused(
+            option,
+            f"must be {' or '.join(map(str, counts))} numbers from -1e6 to 1e6, separated by commas, got {text!r}",
+        )
     return numbers
 
 

@@ -288,7 +288,7 @@ def test_a_turn_is_about_the_middle_of_the_animals_as_they_are_shown(cli, run, t
         (("--ids", "1", "--freeze", "--over", "1"), "can only be used with --move"),
         (("--undo",), "nothing to undo"),
         (("--on", "x"), "no layer 'x'"),
-        (("--ids", "1", "--delete", "--layer", " "), "a layer must have a name"),
+        (("--ids", "1", "--delete", "--layer", " "), "--layer: a layer must have a name, got ' '"),
     ],
 )
 def test_what_cannot_be_edited_is_refused_with_a_sentence(cli, run, arguments, said):

@@ -152,3 +152,10 @@ class TestTiles:
         document = level(tiles(), tiles("speed", [6] * 100), objects("spawns", herd()))
         document["tilesets"] = [grown, {"firstgid": 6, **speeds}]
         assert read(document).cap.values.max() == 1.5
+
+
+def test_two_tilesets_that_begin_at_the_same_tile_are_told_for_the_map():
+    document = level(tiles(), objects("spawns", herd()))
+    document["tilesets"].append({"firstgid": 1, **tileset(), "name": "second"})
+    said = problem(document)
+    assert said.startswith("small.tmj") and said.endswith("two tilesets begin at tile id 1, one of them 'second'")
