@@ -38,11 +38,13 @@ def plane_scene(*, ids, forward, speed, seen, walls, **more) -> Scene:
     )  # fmt: skip
 
 
-def wishes_on_plane(herd, lists, walls):
+def wishes_on_plane(herd, order, lists, walls):
     """What the model of a `flockbrush.learning.rollout.PlaneHerd` wishes: directions (n, 3) and paces (n,).
 
     Parameters
     ----------
+    order : (n,) int32 ndarray
+        Rows in spatial order.
     lists : Lists
         Whom the animals see.
     walls : (ndarray, ndarray)
@@ -52,7 +54,8 @@ def wishes_on_plane(herd, lists, walls):
     scene = plane_scene(
         dt=herd.dt, tick=herd.tick_number, key=lambda stream, tick=herd.tick_number: herd.noise.key(stream, tick),
         ids=herd.ids, xyz=herd.xyz, velocity=np.hstack([herd.velocity, np.zeros((n, 1))]), forward=herd.forward,
-        speed=herd.drawn, effort=herd.effort, seen=lists, walls=walls, leader=herd.leader, known=herd.known,
+        speed=herd.drawn, effort=herd.effort, order=order, seen=lists, walls=walls, leader=herd.leader,
+        known=herd.known, memory=herd.memory - herd.xyz[:, :2],
         guidance=np.zeros((n, 2)) if guide is None else guide.at(herd.time, herd.xyz[:, :2]),
     )  # fmt: skip
     wishes = herd.model.steer(frozen(scene), np.arange(n, dtype=np.int32), herd.params)

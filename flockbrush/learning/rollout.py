@@ -392,7 +392,7 @@ class PlaneHerd:
         if self.model is None:
             wish, pace = self._wishes(cells.row, lists, *walls, params), self.length
         else:
-            wish, pace = wishes_on_plane(self, lists, walls)
+            wish, pace = wishes_on_plane(self, cells.row, lists, walls)
         self._hurry(cells, self.walkers._replace(wanted=pace))
         step, heading = move(cells, self.forward, wish, self.target, self.max_turn, self.near_walls, self.dt, np.inf)
         self.velocity = step / self.dt

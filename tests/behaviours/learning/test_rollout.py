@@ -1,9 +1,12 @@
 """Rollouts are the herds of a level, without the level; and a picture that sees a part of a herd keeps its number."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from flockbrush.behaviours import behaviour as behaviour_module
+from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.brush import SpeedSpec, VisionSpec, shipped
 from flockbrush.behaviours.models.zones import Params as ZonesParams
 from flockbrush.components import Heading, Position, Speed, Velocity
@@ -71,6 +74,32 @@ def test_a_herd_of_any_model_on_the_ground_is_that_of_a_level(name, obstacle):
     agents = simulation.agents
     assert np.array_equal(agents[Position.xyz], herd.xyz) and np.array_equal(agents[Speed.effort], herd.effort)
     assert np.array_equal(agents[Heading.forward], herd.forward)
+
+
+def test_a_model_sees_here_what_it_sees_in_a_level(monkeypatch):
+    """The columns of the scenes are the same in the same tick."""
+    zones, seen = behaviours()["zones"], []
+    brush = truths()["zones, seen"][1]
+
+    def steer(scene, rows, params):
+        columns = {name: np.copy(getattr(scene, name)) for name in names}
+        seen.append(columns | {"when": (scene.tick, scene.dt, scene.key("x"))})
+        return zones.steer(scene, rows, params)
+
+    names = (
+        "ids", "xyz", "velocity", "forward", "speed", "effort", "length", "species", "danger", "first", "near",
+        "offset", "obstacle_first", "obstacle_offset", "guidance", "slope", "memory", "known", "order",
+    )  # fmt: skip
+    monkeypatch.setitem(behaviour_module._registry, "zones", replace(zones, steer=steer))
+    simulation = plane(brush, 12, density=0.05, seed=3)  # so far apart that some lose the others
+    herd = PlaneHerd(start_of(simulation), brush.params, brush.speed, brush.body, brush.vision, seed=3)
+    for _ in range(8):
+        simulation.tick()
+        herd.tick()
+    here, there = seen[-1], seen[-2]
+    assert here.pop("when") == there.pop("when")
+    for name, column in here.items():
+        np.testing.assert_array_equal(column, there[name], err_msg=name)
 
 
 def test_a_crowd_slows_here_as_it_does_in_a_level():
