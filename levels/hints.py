@@ -139,15 +139,15 @@ def program_hints(level, places):
             if not slash or other in mentioned:
                 continue
             found = level.programs.get(other)
-            known_states = list(found.states) if found else []
-            if state not in known_states:
-                what = (
-                    f"state {state[:60]!r}, which program {other[:60]!r} does not have"
-                    if found
-                    else (f"program {other[:60]!r}, which no animal of this level follows")
-                )
-                hint = did_you_mean(state, known_states) if found else did_you_mean(other, level.programs)
-                places[spawn.id].warn(f"program {spawn.program!r} names the {what}: no animal is ever in it{hint}")
+            if found is None:
+                wrong = f"program {other[:60]!r}, which no animal of this level follows"
+                hint = did_you_mean(other, level.programs)
+            elif state not in found.states:
+                wrong = f"state {state[:60]!r}, which program {other[:60]!r} does not have"
+                hint = did_you_mean(state, found.states)
+            else:
+                continue
+            places[spawn.id].warn(f"program {spawn.program!r} names the {wrong}: no animal is ever in it{hint}")
 
 
 def script_hints(level, places):

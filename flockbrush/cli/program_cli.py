@@ -137,13 +137,13 @@ def check_programs(files):
 
 
 def oddities(program, file):
-    """Notes that are not errors: states that no trigger leads to, and unknown species."""
+    """Notes that are not errors: states that no trigger leads to, unknown names, conditions that never change."""
     reached = {name for name, _ in program.beginnings} | {trigger.to for trigger in program.triggers}
     reached |= {name for state in program.states.values() for name, _ in state.then or ()}
     for name in program.states:
         if name not in reached:
             yield Problem(file, None, f"state.{name}", "no trigger leads to this state; only a command can set it")
-    known = shipped_species().names()
+    known, library = shipped_species().names(), shipped_programs()
     for name in program.references("species"):
         if name not in (ANYONE, KIN, OTHERS, *known):
             message = f"there is no shipped species {name!r}{did_you_mean(name, known)}"
@@ -153,7 +153,7 @@ def oddities(program, file):
             yield Problem(file, None, f"trigger[{k}].when", odd)
     for name in program.references("state"):
         other, slash, state = name.partition("/")
-        found = shipped_programs().get(other) if slash and other in shipped_programs().names() else None
+        found = library.get(other) if slash and other in library.names() else None
         if found is not None and state not in found.states:
             message = f"the shipped program {other!r} has no state {state!r}{did_you_mean(state, found.states)}"
             yield Problem(file, None, None, message)

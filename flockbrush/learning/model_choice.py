@@ -18,6 +18,7 @@ from flockbrush.runs.terminal import measure, table
 AUTO = "auto"
 TIE = 1.1  # times as far as the herd: a kind of model by which turns are likelier counts as no farther
 HOPELESS = 1.3  # times the score of the herd: a kind that does not come below it soon is given up
+ONE_PICTURE = "it is one picture, and models are compared by the turns of animals"
 COLUMNS = "model", "perception", "log score", "±", "behind", "± ", "distinct", "battery"
 
 
@@ -46,10 +47,9 @@ def kind_of(name: str, clips: Sequence[Evidence], photo: bool = False) -> str:
     """
     if name == HERD:
         return HERD
-    model = None if name == AUTO else likelihoods()[name].behaviour if name in likelihoods() else behaviours()[name]
-    problem = (
-        "it is one picture, and models are compared by the turns of animals" if photo else problem_of(clips, model)
-    )
+    kind = likelihoods().get(name)
+    model = kind.behaviour if kind else behaviours().get(name)
+    problem = ONE_PICTURE if photo else problem_of(clips, model)
     if problem and name != AUTO:
         raise refused(clips[0].name, f"{problem}: leave out --model {name}")
     return HERD if problem else name
