@@ -171,8 +171,9 @@ def parse_sweep(data: bytes, name: str, folder=Path()) -> Sweep:
         problem = "is missing" if schema is None else f"is {shown(schema)}"
         raise ProblemsError([Problem(name, toml.line(("schema",)), "schema", f"{problem}; it must be {SCHEMA!r}")])
     tables, problems = _parameter_tables(toml)
-    plain = {key: value for key, value in toml.data.items() if key not in ("schema", "grid", "fixed", "case")}
-    document, mistakes = validated(_Document, plain)
+    fields = _Document.model_fields
+    problems += toml.unknown_names((), toml.data, ("schema", "grid", "fixed", "case", *fields))
+    document, mistakes = validated(_Document, {key: value for key, value in toml.data.items() if key in fields})
     problems += [toml.problem(path, message) for path, message in mistakes]
     kind = toml.data.get("experiment", "level")
     if isinstance(kind, str) and kind not in experiments():

@@ -68,6 +68,11 @@ def test_seeds_may_be_listed_one_by_one():
         ('title = "small flocks"', "titel = 3", "3: titel: unknown name; did you mean 'title'?"),
         (
             'title = "small flocks"',
+            "level = 'x'",
+            "3: level: unknown name; available: case, expect, experiment, fixed, grid",
+        ),
+        (
+            'title = "small flocks"',
             'measures = ["lead"]',
             "3: measures: there is no measure 'lead'; did you mean 'leads'?",
         ),
