@@ -156,7 +156,7 @@ class ComparisonGround:
 def _box(evidence, to_pixels, others):
     """(low, high) corners in BL of what is shown: the herd and some ground, as far as the clip ever showed it."""
     fields = evidence.fields
-    there = (np.nan_to_num(fields.density) > 0).any(0)
+    there = (np.nan_to_num(fields.density) > 0).any(0) | fields.enclosed  # of an arena, all of it
     places = [fields.centres[there], *(np.asarray(o, float).reshape(-1, 2) for o in others)]
     places = np.concatenate([p for p in places if len(p)] or [fields.centres.reshape(-1, 2)])
     room = EDGE + fields.cell / 2

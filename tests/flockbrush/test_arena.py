@@ -5,7 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.brush import SpeedSpec
+from flockbrush.behaviours.brush import SpeedSpec, shipped
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.behaviours.models.zones import Params as ZonesParams
 from flockbrush.engine.problems import ProblemsError
@@ -20,6 +20,7 @@ from flockbrush.learning.group_size_test import with_other_numbers
 from flockbrush.learning.initial_conditions import body_of, resized_among, start_of
 from flockbrush.learning.recipe import _signature, learn
 from flockbrush.learning.rollout import VISION, HerdStart, Surroundings, Walls, rollout, theta_of
+from flockbrush.learning.side_by_side import ComparisonGround
 from flockbrush.learning.trials import SearchSettings, Setting, simulate
 from flockbrush.learning.turns import fit_turns, likelihood, predicted, turns_of
 from flockbrush.learning.verdict import alone
@@ -134,6 +135,12 @@ def test_animals_are_kept_in_it_and_seen_to_be_where_they_are(file):
         far = np.hypot(*(run.xy - (20.0, 10.0)).T)
         assert (far.max() < RADIUS) == held, far.max()
         assert held or far.max() > 2 * RADIUS
+
+
+def test_pictures_show_all_of_it_wherever_its_animals_are(tmp_path):
+    np.save(tmp_path / "few.npy", swimming()[:20, :3] * 0.2 + (20.0, 10.0))
+    ground = ComparisonGround(seen_in(tmp_path / "few.npy", "circle:24,12,20"), shipped().get("march"))
+    assert (ground.low <= (4.0, -8.0)).all() and (ground.high >= (44.0, 32.0)).all()
 
 
 def test_turns_from_the_wall_are_told_from_turns_with_neighbours(file):
