@@ -73,7 +73,7 @@ class Senses(Protocol):
     ids: np.ndarray  # (n,) entity ids, for noise
     xyz: np.ndarray  # (n, 3) m
     velocity: np.ndarray  # (n, 3) m/s
-    before: np.ndarray  # (n, 3) m/s, the velocity one tick ago
+    before: np.ndarray  # (n, 3) m/s, the velocity one tick ago; kept for conditions that need it (`Condition.needs`)
     length: np.ndarray  # (n,) m, body length
     kin: np.ndarray  # (n,) the same number for animals of one kind: a species, or several that are kin
     slope: np.ndarray  # (n, 2) rise per metre, east and north
@@ -81,8 +81,8 @@ class Senses(Protocol):
     wrap: tuple[float, float]  # m, size of a periodic map; (0, 0) of another
     seen: tuple[SeenNeighbours, ...]  # on the ground, and in the air where somebody flies
     events: list[Happening]
-    deaths: list[Happening]
-    births: np.ndarray  # (n,) uint8, who was not there in the last tick
+    deaths: list[Happening]  # in the last tick; likewise
+    births: np.ndarray  # (n,) uint8, who was not there in the last tick; likewise
 
     def stream(self, name: str) -> np.uint64:
         """Noise stream of a name, for `flockbrush.engine.noise.key_`."""
@@ -141,6 +141,7 @@ class Condition(BaseModel):
     word: ClassVar[str] = ""  # by which a program asks for it; "": the name of the first field
     inner: ClassVar[str] = ""  # "one" or "many": the first field holds conditions
     remembers: ClassVar[bool] = False  # it asks `Senses.last`: `held` is remembered for it
+    needs: ClassVar[tuple[str, ...]] = ()  # which of "before", "deaths" and "births" it asks `Senses` for
 
     def holds(self, senses: Senses, rows: np.ndarray) -> np.ndarray:
         """(k,) bool: for whom it holds."""

@@ -1,20 +1,24 @@
 """Rewrite the parts of the documentation that are generated from the code: ``python docs/generate.py``.
 
 The JSON schemas in ``docs/schemas``, and the tables in ``docs/models.md`` (parameters), ``docs/brushes.md`` (sliders,
-and what "order" was measured to do) and ``docs/species.md`` (numbers of a species).
+and what "order" was measured to do), ``docs/species.md`` (numbers of a species) and ``docs/programs.md`` (conditions).
 """
 
 from __future__ import annotations
 
 import json
+import re
+import textwrap
 from pathlib import Path
 
 from flockbrush.behaviours.behaviour import Behaviour, Parameters, behaviours
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.spec import Spec
 from flockbrush.behaviours.species import SpeciesSpec
+from flockbrush.behaviours.trigger import tables
 
 DOCS = Path(__file__).parent
+WIDE = 100  # columns of prose
 
 
 def schema_texts() -> dict[Path, str]:
@@ -58,16 +62,30 @@ def _range(field) -> str:
 
 
 def models_page(text: str) -> str:
-    """Return the page of models with updated tables, and a new section for every model that has none."""
+    """Return the page of models with updated tables, and a section, from the docstring, for every model without one."""
     shown = {model.Params for model in behaviours().values() if _marker(model) in text}
     for model in behaviours().values():
+        words = f"<!-- words of {model.name} -->"
         if _marker(model) in text:
             before, _, after = text.partition(_marker(model))
             _, _, after = after.partition("\n\n")
+            if words in before:  # written here before
+                before = f"{before.partition(words)[0]}{words}\n\n{model_words(model)}\n\n"
             text = f"{before}{parameter_table(model)}\n\n{after}"
         elif model.Params not in shown:
-            text = f"{text.rstrip()}\n\n## `{model.name}`\n\n{model.doc.strip()}\n\n{parameter_table(model)}"
+            section = f"## `{model.name}`\n\n{words}\n\n{model_words(model)}\n\n{parameter_table(model)}"
+            text = f"{text.rstrip()}\n\n{section}"
     return text.rstrip() + "\n"
+
+
+def model_words(model: Behaviour) -> str:
+    """The docstring of a model's module as Markdown, its references in a sentence."""
+    words, *sources = re.split(r"^\.\. \[\d+\]", model.doc, flags=re.MULTILINE)
+    words = re.sub(r"\s*\[\d+\]_|^References\n-+$", "", words, flags=re.MULTILINE).replace("``", "`")
+    paragraphs = [" ".join(part.split()) for part in words.split("\n\n")]
+    paragraphs += [" ".join(f"Source: {' '.join(sources)}".split())] if sources else []
+    wide = {"width": WIDE, "break_long_words": False, "break_on_hyphens": False}
+    return "\n\n".join(textwrap.fill(paragraph, **wide) for paragraph in paragraphs if paragraph)
 
 
 def slider_table() -> str:
@@ -125,13 +143,22 @@ def with_table(text: str, table: str) -> str:
     return f"{before}{table}\n\n{after.partition(chr(10) * 2)[2]}" if marker else text
 
 
+def condition_table() -> str:
+    """The kinds of condition of programs, as a Markdown table below a marker."""
+    return f"<!-- conditions -->\n{tables().rstrip()}"
+
+
 def texts() -> dict[Path, str]:
     """Return the text of every generated file."""
     page = DOCS / "models.md"
     out = schema_texts() | {page: models_page(page.read_text(encoding="utf-8"))}
-    for name, tables in (("brushes.md", (slider_table(), order_table())), ("species.md", (species_table(),))):
+    pages = {
+        "brushes.md": (slider_table(), order_table()), "species.md": (species_table(),),
+        "programs.md": (condition_table(),),
+    }  # fmt: skip
+    for name, found in pages.items():
         text = (DOCS / name).read_text(encoding="utf-8")
-        for table in tables:
+        for table in found:
             text = with_table(text, table)
         out[DOCS / name] = text
     return out

@@ -180,7 +180,7 @@ class Recorder:
         self.keyframes = keyframes if isinstance(keyframes, KeyframeSpacing) else KeyframeSpacing(int(keyframes))
         clock = world.resource(Clock)
         self._written = len(world.resource(Commands).log)
-        self._flushed, self._first, self._kept = clock.now, clock.tick, -1
+        self._flushed, self._first, self._kept, self._taken = clock.now, clock.tick, -1, clock.tick
         self._trail = Trail()
         self._keep_hash(clock.tick)  # a level that is built differently shows before the first tick
         self._keep_ends(clock.tick)
@@ -190,7 +190,7 @@ class Recorder:
         clock, log = self.world.resource(Clock), self.world.resource(Commands).log
         for tick, cmd in log[self._written :]:
             self.recording.command(tick, cmd)
-        before, self._written = self._written, len(log)
+        before, self._written, self._taken = self._written, len(log), clock.tick
         if clock.tick % self.hash_every == 0:
             self._keep_hash(clock.tick)
         if self.keyframes.passed(len(self.world.agents)):
@@ -202,8 +202,10 @@ class Recorder:
             self._flushed = clock.now
 
     def close(self):
-        """End the recording in good order, after a hash of the last state."""
+        """End the recording in good order, after the last commands and a hash of the last state."""
         clock = self.world.resource(Clock)
+        if clock.tick != self._taken:
+            self.take()
         if clock.tick % self.hash_every:
             self._keep_hash(clock.tick)
         self._keep_ends(clock.tick)

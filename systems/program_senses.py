@@ -39,7 +39,7 @@ class WorldSenses:
         self._noise, self._cache = world.resource(Noise), {}
         self.dt, self.tick = clock.dt, clock.tick
         self.ids, self.xyz, self.velocity = agents.ids, agents[Position.xyz], agents[Velocity.xyz]
-        self.before, self.length = agents[ProgramState.before], agents[Body.length]
+        self.length = agents[Body.length]
         self.species, self.slope = agents[Species.index], agents[Ground.slope]
         self.kin = self._kin_labels()[self.species]
         self.since, self.state = agents[ProgramState.since].copy(), agents[ProgramState.state].copy()
@@ -47,7 +47,27 @@ class WorldSenses:
         lists = (world.resource(Sight).lists, world.resource(SightInSpace).lists)
         self.seen = tuple(SeenNeighbours(*seen) for seen in lists if seen is not None and len(seen.near))
         self.events = events
-        self.births, self.deaths = _changes(agents, programs.known, self._species_names)
+        self._births, self._deaths = _changes(agents, programs.known, self._species_names)
+
+    @property
+    def before(self):
+        """(n, 3) m/s, the velocity one tick ago."""
+        return self._kept("before", self._agents[ProgramState.before])
+
+    @property
+    def births(self):
+        """(n,) uint8, who was not there in the last tick."""
+        return self._kept("births", self._births)
+
+    @property
+    def deaths(self):
+        """Of the last tick."""
+        return self._kept("deaths", self._deaths)
+
+    def _kept(self, name, value):
+        if name not in self._programs.needs:
+            raise AttributeError(f'a condition that asks for senses.{name} must say so: needs = ("{name}",)')
+        return value
 
     @property
     def _species_names(self):

@@ -59,7 +59,7 @@ class Compiled:
         self.slots = {part.memory(): slot for slot, part in enumerate(self.memories)}
         self.states = list(program.states.values())
         parts = [part for trigger in program.triggers for part in trigger.when.walk()]
-        self.words = {part.word for part in parts}
+        self.needs = {need for part in parts for need in part.needs}
 
     def brush_numbers(self, palette):
         """(states,) index of each state's brush; -1 where it gives none."""
@@ -113,14 +113,9 @@ class Programs:
         del self.transitions[name]
 
     @property
-    def watches_life(self):
-        """Whether some trigger asks for births or deaths."""
-        return any({"death_of", "birth_of"} & compiled.words for compiled in self.compiled)
-
-    @property
-    def watches_acceleration(self):
-        """Whether some trigger asks for acceleration."""
-        return any("acceleration_above" in compiled.words for compiled in self.compiled)
+    def needs(self):
+        """What some trigger asks the senses for that has to be kept from tick to tick (`Condition.needs`)."""
+        return set().union(*(compiled.needs for compiled in self.compiled))
 
     def raise_event(self, event: Happening):
         """Have an event be heard in the next tick; the same one twice is one."""
@@ -192,10 +187,10 @@ class RunPrograms(System):
             rows = np.flatnonzero(agents[ProgramState.program] == number)
             if len(rows):
                 self._run(world, programs, compiled, senses, rows)
-        programs.known = None
-        if programs.watches_life:
+        programs.known, needs = None, programs.needs
+        if needs & {"births", "deaths"}:
             programs.known = agents.ids.copy(), agents[Position.xyz].copy(), agents[Species.index].copy()
-        if programs.watches_acceleration:
+        if "before" in needs:
             agents[ProgramState.before][:] = agents[Velocity.xyz]
 
     def _run(self, world, programs, compiled, senses, rows):

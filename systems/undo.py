@@ -17,13 +17,10 @@ from flockbrush.components import (
     Body,
     BrushBinding,
     Destination,
-    Leading,
-    Migration,
     ProgramState,
     Species,
 )
-from flockbrush.components.formation import FormationPlace
-from flockbrush.engine.commands import command
+from flockbrush.engine.commands import COMMANDS, command
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.systems.binding import cannot
 from flockbrush.systems.landscape import Landscape
@@ -286,7 +283,7 @@ class PutColumns(OfThese):
     @property
     def changes(self):
         """The fields, in order of name; ValueError for fields that must not be restored this way."""
-        known = {repr(f): f for f in _MAY_BE_PUT}
+        known = _may_be_put()
         stray = sorted(set(self.columns) - set(known))
         need(not stray, f"{', '.join(stray)} cannot be put back" + did_you_mean(stray[0] if stray else "", known))
         return [known[name] for name in sorted(self.columns)]
@@ -311,12 +308,11 @@ def need_known_programs(world, columns):
     need(((state[follow] >= 0) & (state[follow] < sizes[number[follow]])).all(), "a state of these animals is gone")
 
 
-_MAY_BE_PUT = (
-    Leading.appointed, Leading.kind, Leading.target,
-    Migration.kind, Migration.target, Migration.next, Migration.left,
-    FormationPlace.gust, FormationPlace.wind, FormationPlace.felt, FormationPlace.lull,
-    *ProgramState.fields.values(),
-)  # fmt: skip
+def _may_be_put():
+    """{name: field} of what commands change, and of what programs write; brushes and goals go by their names."""
+    said = [cls.changes for cls in COMMANDS.values() if isinstance(getattr(cls, "changes", None), tuple)]
+    fields = {*ProgramState.fields.values(), *(field for changes in said for field in changes)}
+    return {repr(field): field for field in fields - {BrushBinding.home, Destination.goal}}
 
 
 @command

@@ -9,6 +9,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 from flockbrush.behaviours.behaviour import behaviours
+from test_house import long_lines
 
 HOUSE = Path(__file__).parents[1]
 FILES = [
@@ -37,6 +38,11 @@ def test_a_new_model_gets_a_section_of_its_own(generate, monkeypatch):
     monkeypatch.setattr(generate, "behaviours", lambda: {"invented": new})
     page = generate.models_page("# Models\n")
     assert "## `invented`\n\n" in page and "| `sensitivity` | 10.0 | 0 to 1000 | 1/s |" in page
+    assert "\n\nSource: Gong" in page
+    assert long_lines(page) == [] and "References" not in page and "[1]" not in page.partition("Source")[2][:20]
+    new = dataclasses.replace(new, doc="It says\nsomething else.\n\nReferences\n----------\n.. [1] Breder 1954.\n")
+    again = generate.models_page(page)
+    assert "\n\nIt says something else.\n\nSource: Breder 1954.\n\n" in again and again.count("<!--") == 2
 
 
 def schema_of(path):

@@ -46,6 +46,7 @@ def _hear(xyz, rows, x, y, reach, width, height, heard):
 class DeathOf(Condition):
     """An animal was removed from the world (caught, arrived, deleted) where this animal could see it."""
 
+    needs = ("deaths",)
     death_of: Names = given(..., "species, `kin`, `others` or `anyone`")
     within: Length | None = given(None, "largest distance")
 
@@ -68,6 +69,7 @@ class DeathOf(Condition):
 class BirthOf(Condition):
     """An animal was born or added to the world where this animal can see it."""
 
+    needs = ("births",)
     birth_of: Names = given(..., "species, `kin`, `others` or `anyone`")
     within: Length | None = given(None, "largest distance")
 

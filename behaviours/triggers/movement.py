@@ -33,6 +33,7 @@ class SpeedBelow(Condition):
 class AccelerationAbove(Condition):
     """The acceleration in the last tick (speeding up, slowing down or turning) was larger than this."""
 
+    needs = ("before",)
     acceleration_above: Acceleration = given(..., "smallest acceleration")
 
     def holds(self, senses, rows):

@@ -39,7 +39,9 @@ def replay_recording(path, verify, to_tick, thread_count, json, folder=None):
         report = _report(run, simulation)
         if verify:
             compared = sum(tick <= simulation.clock.tick for tick in run.hashes)
-            report |= {"verified": difference is None, "compared": compared, "seconds_per_tick": watch.per_tick()}
+            states = simulation.clock.tick - min(run.hashes) + 1
+            report |= {"verified": difference is None, "compared": compared, "states": states}
+            report["seconds_per_tick"] = watch.per_tick()
             report["first_difference"] = None if difference is None else vars(difference)
         if difference is not None:
             desync = investigate(run, difference, simulation, lambda: running.rebuild(run))
@@ -82,9 +84,11 @@ def _compare(run, simulation, watch, end, stepped):
 
 def _show_replay(report, verify):
     if verify:
-        print_line(
-            f"{report['recording']}: {report['compared']:,} states up to tick {report['tick']:,} identical, bit for bit"
-        )
+        compared, states, until = report["compared"], report["states"], f"up to tick {report['tick']:,}"
+        some = f"{compared:,} states {until}"
+        if compared < states:  # no hash was kept of the others
+            some = f"all {compared:,} of {states:,} states {until} that were recorded are"
+        print_line(f"{report['recording']}: {some} identical, bit for bit")
     else:
         title = f"{report['level']}: {report['agents']:,} animals after tick {report['tick']:,}"
         show(measures_table(report["measures"], title))

@@ -193,7 +193,7 @@ def test_the_documentation_has_a_row_for_each_kind_of_condition():
     from flockbrush.behaviours.trigger import tables
 
     page = (Path(__file__).parents[2] / "docs" / "programs.md").read_text(encoding="utf-8")
-    assert tables() in page
+    assert tables() in page, "run: python docs/generate.py"
 
 
 # a fuzzer that knows what a program is made of -------------------------------------------------

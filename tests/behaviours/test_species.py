@@ -115,7 +115,7 @@ def test_every_drive_has_a_unit_bounds_and_a_meaning_for_each_parameter():
     ours = [one for one in drives().values() if one.urge.__module__.startswith("flockbrush.")]
     assert len(ours) >= 10
     for one in ours:
-        assert len(one.doc) > 100, one.name
+        assert len(one.doc) > 100, f"{one.name}: the module's docstring says in a sentence or two what the drive does"
         for name, p in one.Params.model_json_schema()["properties"].items():
             assert p.get("unit"), (one.name, name)
             assert "enum" in p or {"minimum", "maximum"} <= set(p), (one.name, name)

@@ -1,15 +1,19 @@
 """Edits taken back, replayed and kept in snapshots."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from edited_scene import CALM, NEW, RUN, SQUARE, do, land_of, nobody_in_walls, scene, settled
 from flockbrush.behaviours.brush_writer import brush_to_toml
-from flockbrush.components import FormationPlace, Leading, Migration
+from flockbrush.components import FormationPlace, Heading, Leading, Migration
+from flockbrush.engine import commands as commands_module
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.commands import COMMANDS, CommandError, Commands
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Goal
+from flockbrush.systems import undo as undo_module
 from flockbrush.systems.commands import (
     AddAnimals,
     AddObstacle,
@@ -28,6 +32,7 @@ from flockbrush.systems.edits import KINDS, DrawGuide, MarkSpawn, Paint, PlaceEx
 from flockbrush.systems.gusts import Gust
 from flockbrush.systems.leaders import Appoint
 from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
+from flockbrush.systems.selection import OfAnimals
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_herd import Shelf, box, level, spawn
@@ -99,6 +104,32 @@ def test_whatever_is_done_is_taken_back_without_a_trace(boundary, commands, tick
         do(simulation, *again)
     assert settled(simulation) == after
     simulation.run(ticks)
+
+
+def test_a_command_of_a_user_is_taken_back_whatever_columns_it_changes(monkeypatch):
+    monkeypatch.setattr(commands_module, "COMMANDS", dict(COMMANDS))
+    monkeypatch.setattr(undo_module, "COMMANDS", commands_module.COMMANDS)
+
+    @commands_module.command
+    class Spook(OfAnimals):
+        changes = (Heading.forward,)
+        x: float
+        y: float
+        radius: float
+        species: str = ""
+
+        def apply(self, world):
+            world.agents[Heading.forward][self.chosen(world)] = (0.0, 1.0, 0.0)
+
+    simulation = scene("wall")
+    world, before = simulation.world, settled(simulation)
+    back = world.resource(Commands).perform(world, [Spook(20, 20, 100)])
+    assert (world.agents[Heading.forward] == (0.0, 1.0, 0.0)).all() and len(world.agents)
+    world.resource(Commands).perform(world, back)
+    assert settled(simulation) == before
+    (damaged,) = back
+    with pytest.raises(CommandError, match="Position.xyz cannot be put back; available"):
+        world.resource(Commands).perform(world, [replace(damaged, columns={"Position.xyz": "?"})])
 
 
 def test_an_edit_of_several_commands_is_done_whole_or_not_at_all():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours import trigger as trigger_module
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.trigger import conditions
 from flockbrush.components import Ground, Position, ProgramState, Velocity
@@ -20,7 +21,8 @@ def test_every_kind_of_condition_has_a_test_by_hand():
     text = open(sys.modules[__name__].__file__, encoding="utf-8").read()
     ours = [word for word, kind in conditions().items() if kind.__module__.startswith("flockbrush.behaviours.triggers")]
     assert len(ours) > 20
-    assert [word for word in ours if f"{word} =" not in text and f'("{word}", ' not in text] == []
+    missing = [word for word in ours if f"{word} =" not in text and f'("{word}", ' not in text]
+    assert missing == [], "add a test to this file in which the condition holds, and in which it does not"
 
 
 # who is seen ------------------------------------------------------------------------
@@ -235,6 +237,30 @@ def test_acceleration_above():
     scene.run(2)
     scene.agents[Velocity.xyz][0] = (0.5, 0.0, 0.0)  # 16 m/s² more than in the last tick
     assert moved(scene) == [True]
+
+
+def test_a_condition_of_a_user_gets_what_it_says_that_it_needs(monkeypatch):
+    monkeypatch.setattr(trigger_module, "_kinds", dict(trigger_module.conditions()))
+
+    @trigger_module.condition
+    class Brakes(trigger_module.Condition):
+        needs = ("before",)
+        brakes: float
+
+        def holds(self, senses, rows):
+            return (senses.before[rows] - senses.velocity[rows])[:, 0] > self.brakes
+
+    def braking():
+        scene = world(two_states("{ brakes = 0.4 }"), [HERE])
+        scene.agents[Velocity.xyz][0] = (1.0, 0.0, 0.0)
+        scene.run(1)
+        scene.agents[Velocity.xyz][0] = (0.5, 0.0, 0.0)
+        return moved(scene)
+
+    assert braking() == [True]
+    Brakes.needs = ()
+    with pytest.raises(AttributeError, match=r'asks for senses.before must say so: needs = \("before",\)'):
+        braking()
 
 
 def ramp(rise):
