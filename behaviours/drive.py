@@ -82,12 +82,13 @@ def drive(
     Raises
     ------
     ValueError
-        When the name is taken.
+        When another module has a drive of this name.
     """
 
     def register(urge):
-        if name in _registry:
-            raise ValueError(f"drive {name!r} is already in {_registry[name].urge.__module__}")
+        known = _registry.get(name)
+        if known is not None and known.urge.__module__ != urge.__module__:
+            raise ValueError(f"drive {name!r} is already in {known.urge.__module__}")
         doc = importlib.import_module(urge.__module__).__doc__ or ""
         _registry[name] = Drive(name, urge, Params, doc, always, safety, notices)
         return urge

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,11 +11,14 @@ from flockbrush.behaviours.tomlfile import check_plain
 from flockbrush.engine import limits
 from flockbrush.engine.problems import Problem, ProblemsError
 
+SEPARATORS = ",", ";", "\t"
+
 
 def read_table(path, most_bytes: int, most_rows: int) -> Iterator[tuple[int, list[str]]]:
     """(line, cells) of every row that is not blank, the header first.
 
-    Lines may end as Unix, Windows or old Macs end them.
+    Cells are separated by commas, semicolons or tabs, whichever the header has most of.  Lines may end as Unix, Windows
+    or old Macs end them.
 
     Parameters
     ----------
@@ -24,16 +28,26 @@ def read_table(path, most_bytes: int, most_rows: int) -> Iterator[tuple[int, lis
     Raises
     ------
     ProblemsError
-        When there is no such file, it is too large, or it is no table in UTF-8.
+        When there is no such file, it is too large, it is no table in UTF-8, or a row is longer than the header.
     """
-    name, count = str(path), 0
+    name, count, wide = str(path), 0, 0
     check_plain(path, most_bytes)
     try:
         with open(path, encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(_lines(file, name))
+            lines, before = _lines(file, name), []
+            for line in lines:  # up to the header
+                before.append(line)
+                if line.strip():
+                    break
+            mark = max(SEPARATORS, key="".join(before[-1:]).count)
+            reader = csv.reader(itertools.chain(before, lines), delimiter=mark)
             for row in reader:
                 if not any(map(str.strip, row)):
                     continue
+                wide = wide or len(row)
+                if any(map(str.strip, row[wide:])):
+                    message = f"has {len(row)} cells, the header has {wide}; decimals need a point"
+                    raise ProblemsError([Problem(name, reader.line_num, None, message)])
                 yield reader.line_num, row
                 count += 1
                 if count > most_rows:

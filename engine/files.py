@@ -169,6 +169,12 @@ def held(*paths):
         yield
 
 
+def need_ending(path, *endings):
+    """Refuse the name of an output that does not say what is in it; None is fine."""
+    if path is not None and not str(path).lower().endswith(endings):
+        raise refused(path, f"its name must end in {' or '.join(endings)}")
+
+
 @contextmanager
 def claimed(outputs, inputs=()):
     """Refuse outputs that cannot be written (see `output_problems`), then keep others from writing them meanwhile.

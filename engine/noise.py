@@ -153,9 +153,17 @@ def normals(key, ids):
 
 def seed_of(seed) -> int:
     """A seed as recordings keep it: an integer from 0 to `LARGEST_SEED`; TypeError or ValueError for anything else."""
-    if not 0 <= index(seed) <= LARGEST_SEED:
+    if not 0 <= whole("seed", seed) <= LARGEST_SEED:
         raise ValueError(f"seed must be a whole number from 0 to {LARGEST_SEED}, got {seed}")
     return index(seed)
+
+
+def whole(name: str, value) -> int:
+    """A whole number that somebody gave under this name; TypeError for anything else."""
+    try:
+        return index(value)
+    except TypeError:
+        raise TypeError(f"{name} must be a whole number, got {value!r}") from None
 
 
 class Noise:

@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from operator import index
 
 import numpy as np
 from flockbrush.behaviours.brush import Brush, BrushLibrary, shipped
@@ -17,7 +16,7 @@ from flockbrush.components import AGENT
 from flockbrush.components.level_things import ENUMS
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import Commands, from_record, tick_at
-from flockbrush.engine.noise import Noise, seed_of
+from flockbrush.engine.noise import Noise, seed_of, whole
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.engine.schedule import Schedule
 from flockbrush.engine.world import World
@@ -94,7 +93,7 @@ class Simulation:
 
     def run(self, ticks: int) -> None:
         """Run some ticks; ValueError where it is no whole number, or less than 0."""
-        if index(ticks) < 0:
+        if whole("ticks", ticks) < 0:
             raise ValueError(f"ticks must be at least 0, got {ticks}")
         for _ in range(ticks):
             self.tick()
@@ -417,7 +416,7 @@ def herds_apart(
     if start not in ENUMS["Formation"]:
         raise ValueError(f"start must be one of {', '.join(ENUMS['Formation'])}, got {start!r}")
     length = brushes[0].body.length if body_length is None else body_length
-    if not (index(count) >= 0 and 0 < density < math.inf and 0 < length < math.inf):
+    if not (whole("count", count) >= 0 and 0 < density < math.inf and 0 < length < math.inf):
         raise ValueError(f"count must be at least 0, density and body_length above 0: {count}, {density}, {length}")
     side = math.sqrt(count / density) * length
     size = max(3 * side + 20 * length, apart)

@@ -34,9 +34,22 @@ def terrain_property(
         For people.
     low, high : float, optional
         Inclusive bounds of a number.
+
+    Raises
+    ------
+    ValueError
+        When the default is no number or outside the bounds, or of another kind than that of a property replaced.
     """
-    PROPERTIES[:] = [p for p in PROPERTIES if p.name != name]
+    number = isinstance(default, (int, float))
+    if not number or (low is not None and default < low) or (high is not None and default > high):
+        raise ValueError(
+            f"terrain property {name!r}: its default must be a bool or a number within bounds: {default!r}"
+        )
     kind = "bool" if isinstance(default, bool) else "number"
+    before = next((p for p in PROPERTIES if p.name == name), None)
+    if before is not None and before.kind != kind:
+        raise ValueError(f"terrain property {name!r} is a {before.kind}; its default must be one, got {default!r}")
+    PROPERTIES[:] = [p for p in PROPERTIES if p.name != name]
     PROPERTIES.append(Property(name, kind, default, meaning, unit, low, high))
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from flockbrush.behaviours.behaviour import TAKES_UP, Bodies, Kinds, frozen
+from flockbrush.behaviours.drive import Urges
 from flockbrush.components import (
     Alarm,
     Body,
@@ -151,7 +152,10 @@ def asked(scene, rows, drives) -> Shares | None:
     names, shares, wishes = [], [], []
     for drive, params in drives:
         urges = drive.urge(scene, rows, params)
-        if urges is None or not np.any(urges.urgency > 0.0):
+        if urges is None:
+            continue
+        _check(drive, urges, len(rows))
+        if not np.any(urges.urgency > 0.0):
             continue
         share = np.minimum(np.clip(urges.urgency, 0.0, 1.0), left)
         left = left - share
@@ -161,6 +165,20 @@ def asked(scene, rows, drives) -> Shares | None:
     if not names:
         return None
     return Shares(rows, names, np.array(shares), np.array(wishes))
+
+
+def _check(drive, urges, k):
+    """Raise TypeError or ValueError, with the name of the drive, where it returned what no row can take."""
+    if not isinstance(urges, Urges):
+        raise TypeError(f"drive {drive.name!r} must return Urges or None, got {type(urges).__name__}")
+    shapes = np.shape(urges.acceleration), np.shape(urges.urgency)
+    if shapes != ((k, 3), (k,)):
+        raise ValueError(
+            f"drive {drive.name!r} was asked for {k} animals: accelerations must be ({k}, 3) and urgencies ({k},), "
+            f"got {shapes[0]} and {shapes[1]}"
+        )
+    if not (np.isfinite(urges.acceleration).all() and np.isfinite(urges.urgency).all()):
+        raise ValueError(f"drive {drive.name!r} gave an acceleration or urgency that is not finite")
 
 
 def allocate(world, scene, taken: Shares):

@@ -12,6 +12,7 @@ References
 
 from __future__ import annotations
 
+import numbers
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -252,6 +253,9 @@ def measure(name, unit="", meaning="", low=None, high=None, plotted=False, title
         When another module has a measure of this name.
     """
 
+    if callable(name):
+        raise TypeError(f'write @measure("{name.__name__}", unit=...), with the name of the measure')
+
     def register(function):
         known = _registry.get(name)
         if known is not None and known.compute.__module__ != function.__module__:
@@ -288,12 +292,22 @@ def herd_measures(xyz, velocity, forward, body_length, wrap=None, flies=False):
         Somebody is in the air: distances are measured in space, not in plan.
     """
     herd = HerdMoment(xyz, compute_unwrapped(xyz, wrap), velocity, forward, body_length, wrap, flies)
-    return {name: _plain(known.compute(herd)) for name, known in measures().items()}
+    return {name: _value(known, herd) for name, known in measures().items()}
 
 
-def _plain(value):
-    """A number of numpy as one of Python: files, tables and means take these."""
-    return value.item() if isinstance(value, (np.generic, np.ndarray)) and np.ndim(value) == 0 else value
+def _value(known, herd):
+    """The measure as a number of Python: files, tables and means take these."""
+    where, again = (
+        f"measure {known.name!r} of {known.compute.__module__}",
+        "correct it and register it again",
+    )
+    try:
+        value = known.compute(herd)
+    except Exception as error:
+        raise RuntimeError(f"{where} failed: {type(error).__name__}: {error}; {again}") from error
+    if np.ndim(value) != 0 or not isinstance(value, (numbers.Real, np.generic, np.ndarray)):
+        raise TypeError(f"{where} must return a number, got {type(value).__name__}; {again}")
+    return value.item() if isinstance(value, (np.generic, np.ndarray)) else value
 
 
 @measure("animals", meaning="number of animals", low=0)

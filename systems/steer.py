@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Air, BySlot, FlockBySlot, Scene, frozen
+from flockbrush.behaviours.behaviour import Air, BySlot, FlockBySlot, Scene, Wishes, frozen
 from flockbrush.behaviours.models.line_formation import InFormation
 from flockbrush.components import (
     Airborne,
@@ -117,6 +117,8 @@ class AskModels(System):
     @staticmethod
     def _ask(world, scene, palette, index, rows):
         wishes = palette.models[index].steer(scene, rows, palette.brushes[index].params)
+        if not isinstance(wishes, Wishes):
+            raise TypeError(f"model {palette.brushes[index].model!r} must return Wishes, got {type(wishes).__name__}")
         shapes = np.shape(wishes.direction), np.shape(wishes.pace)
         if shapes != ((len(rows), 3), (len(rows),)):
             raise ValueError(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from flockbrush.behaviours import behaviour as registry
 from flockbrush.components import BrushBinding, Heading, Position
+from flockbrush.engine.locks import Advice
 from flockbrush.engine.state import state_hash
 from flockbrush.systems.palette import Palette
 
@@ -106,7 +107,8 @@ def test_a_levels_brushes_are_overridden_and_recordings_know_it(tmp_path):
 
 @pytest.mark.parametrize(("level", "brush"), [("city", "stroll"), ("lake", "geese"), ("ridge", "graze")])
 def test_a_level_whose_script_commands_programs_takes_another_brush(level, brush):
-    herd = flockbrush.start(level, agents=12, brush=brush)
+    with pytest.warns(Advice, match=f"{level}: all animals have the brush {brush}, without programs: .* left out"):
+        herd = flockbrush.start(level, agents=12, brush=brush)
     assert not {key.command for key in herd.level.script} & {"Event", "SetState", "GiveProgram"}
     herd.run(32)
     assert herd.states() == {}
@@ -118,6 +120,40 @@ def test_a_file_and_a_wrong_name_as_the_brush_of_a_level(tmp_path):
     assert {spawn.brush for spawn in mine.level.spawns} == {"mine"}
     with pytest.raises(flockbrush.ProblemsError, match="did you mean 'march'"):
         flockbrush.start("crowded", brush="marsh")
+
+
+def test_a_broken_measure_is_named_until_it_is_registered_again(monkeypatch):
+    from flockbrush.systems import measures
+
+    monkeypatch.setattr(measures, "_registry", dict(measures._registry))
+    herd = flockbrush.plane(flockbrush.shipped().get("march"), 5)
+
+    def register(result):
+        measures.measure("mine")(lambda _: result())
+
+    register(lambda: 1 // 0)
+    with pytest.raises(RuntimeError, match="measure 'mine' of .*test_library failed: ZeroDivisionError"):
+        herd.measures()
+    register(lambda: np.zeros(3))
+    with pytest.raises(TypeError, match="measure 'mine' of .* must return a number, got ndarray"):
+        herd.measures()
+    register(lambda: np.float32(0.5))
+    assert herd.measures()["mine"] == 0.5
+    with pytest.raises(TypeError, match=r'write @measure\("register"'):
+        measures.measure(register)
+
+
+def test_a_number_of_the_wrong_kind_is_told_with_its_name():
+    march = flockbrush.shipped().get("march")
+    for call, words in (
+        (lambda: flockbrush.start("meadow", agents=1.5), "agents must be a whole number, got 1.5"),
+        (lambda: flockbrush.start("meadow", seed="7"), "seed must be a whole number, got '7'"),
+        (lambda: flockbrush.start(3), "a level is the name of a shipped one or a path, got 3"),
+        (lambda: flockbrush.plane(march, count=2.5), "count must be a whole number"),
+        (lambda: flockbrush.plane(march, count=2).run("5"), "ticks must be a whole number, got '5'"),
+    ):
+        with pytest.raises(TypeError, match=words):
+            call()
 
 
 def test_a_measure_is_one_function(monkeypatch):

@@ -25,6 +25,7 @@ OPTIONAL = {
     "distributed": "sweeps and learning on a cluster",
     "matplotlib": "charts",
 }
+TILED = 1, 10  # the first version that knows projects with classes
 OK, WARN, BAD = "ok", "warn", "problem"
 _COLOURS = {OK: "green", WARN: "yellow", BAD: "red"}
 
@@ -153,7 +154,10 @@ def _display():
 def _programs():
     tiled = shutil.which("tiled")
     if tiled:
-        yield OK, "tiled", f"{_first_line([tiled, '--version'])}  ({tiled})"
+        said = _first_line([tiled, "--version"])
+        version = tuple(int(part) for part in re.findall(r"\d+", said)[:2])
+        old = "" if version >= TILED else f"; the project of `level init` needs {TILED[0]}.{TILED[1]} or newer"
+        yield WARN if old else OK, "tiled", f"{said}  ({tiled}){old}"
     else:
         yield WARN, "tiled", "not found; needed to edit levels (Debian: apt install tiled; or mapeditor.org)"
     ffmpeg = shutil.which("ffmpeg")

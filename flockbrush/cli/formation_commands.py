@@ -17,7 +17,7 @@ from flockbrush.behaviours.formation.formation_shapes import load_formation, tex
 from flockbrush.behaviours.formation.marked_birds import read_marks
 from flockbrush.behaviours.formation.reaching import FormingRules
 from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
-from flockbrush.engine.files import claimed, held, output_problems, refused, write_text
+from flockbrush.engine.files import claimed, held, need_ending, output_problems, refused, write_text
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.output.formation_brush import write_brush
 from flockbrush.render import write_png
@@ -33,6 +33,7 @@ def detect(paths, out, every, json):
     """Detect birds in pictures or a video and write their positions."""
     from flockbrush.film.birds_in_sky import mark
 
+    need_ending(out, ".csv")
     with claimed([out], paths):
         rows, span, lost = mark(paths, every)
         text = io.StringIO()
@@ -59,6 +60,8 @@ def detect(paths, out, every, json):
 
 def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):
     """Extract a formation from marks; write and print it."""
+    need_ending(out, ".json")
+    need_ending(plot, ".png")
     with claimed([path for path in (out, plot) if path], [marks_path]):
         marks, used = read_marks(marks_path, heading, wingspan)
         digest = hashlib.sha256(Path(marks_path).read_bytes()).hexdigest()
@@ -105,6 +108,8 @@ def _summary(frame):
 def fly(formation_path, options, out, plot, json):
     """A steady flight of a formation, with `FlightOptions`."""
     fps = options.fps
+    need_ending(out, ".csv")
+    need_ending(plot, ".png")
     with claimed([path for path in (out, plot) if path], [formation_path]):
         formation = load_formation(formation_path)
         birds = options.birds or len(formation.frames[0].birds)
@@ -179,6 +184,7 @@ PAPER = {
 
 def initiation(kinds, birds, runs, seed, ablate, out, json):
     """Run many initiations from random positions; print the converged flocks, their times and distances."""
+    need_ending(out, ".csv")
     with claimed([out] if out else []):
         without = {**ADDITIONS, "the paper alone": PAPER} if ablate else {"all rules": {}}
         rows = []

@@ -118,7 +118,7 @@ class FitOptions(WrittenOptions):
         typer.Option(
             metavar="NAME",
             help="Model to learn: herd, zones, morse, topological, boids or another on the ground; "
-            "auto: found by the clip.",
+            "auto: chosen from the clip.",
         ),
     ] = "auto"
     ablate: Annotated[

@@ -414,6 +414,7 @@ def show_brush(name, json):
     if brush.description:
         show(brush.description.strip())
     parts = {"parameters": brush.params, "speed": brush.speed, "body": brush.body, "vision": brush.vision}
+    parts |= {f"drive {name}": params for name, params in brush.drives.items()}
     parameters_table = table("", "value", "unit", "meaning", right=("value",))
     for title, part in parts.items():
         parameters_table.add_row(styled("[bold]{}[/]", title), "", "", "")

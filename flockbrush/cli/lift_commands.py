@@ -6,7 +6,8 @@ import time
 
 import numpy as np
 
-from flockbrush.engine.files import claimed, refused
+from flockbrush.behaviours.brush import SUFFIX
+from flockbrush.engine.files import claimed, need_ending, refused
 from flockbrush.film.tracks import read_tracks
 from flockbrush.lifting.flight_files import write_flight
 from flockbrush.lifting.lens import read_camera
@@ -37,6 +38,11 @@ def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_js
     ProblemsError
         With file, line and column; no file has been written then.
     """
+    need_ending(out, ".csv")
+    if made is not None:
+        need_ending(made[0], SUFFIX)
+        if made[2] is not None and not (np.isfinite(made[2]) and made[2] > 0):
+            raise refused("--wingspan", f"must be above 0 m, got {made[2]:g}")
     with claimed([out, *(made or ())[:1]], [tracks, camera]):
         _lift(tracks, camera, out, method, (near, far), as_json, made, wishes)
 
@@ -45,6 +51,9 @@ def _lift(tracks, camera, out, method, bounds, as_json, made, wishes):
     """The work of `lift_tracks` while the output files are locked."""
     lens = _with_bounds(camera, read_camera(camera), *bounds)
     read = read_tracks(tracks)
+    if made is not None and made[1] is not None and not 0 <= made[1] - read.first < len(read.px):
+        last = read.first + len(read.px) - 1
+        raise refused(tracks, f"has frames {read.first} to {last}; there is no frame {made[1]}")
     begin = time.perf_counter()
     try:
         flight = METHODS[method](read, lens, LiftWish(**wishes))
@@ -61,12 +70,7 @@ def _make_brush(tracks, flight, lens, path, frame, wingspan, as_json):
     """Write the formation brush of a frame; the flight has been written before, even if this fails."""
     from flockbrush.lifting.flight_show import Show
 
-    last = flight.first + len(flight.xyz) - 1
-    frame = (flight.first + last) // 2 if frame is None else frame
-    if not flight.first <= frame <= last:
-        raise refused(tracks, f"has frames {flight.first} to {last}; there is no frame {frame}")
-    if wingspan is not None and not (np.isfinite(wingspan) and wingspan > 0):
-        raise refused("--wingspan", f"must be above 0 m, got {wingspan:g}")
+    frame = flight.first + (len(flight.xyz) - 1) // 2 if frame is None else frame
     learned = Show(flight, str(tracks), lens, span=wingspan).formation_brush(frame - flight.first, path)
     if not as_json:
         say(learned)

@@ -93,7 +93,11 @@ class RunRequest:
     ] = None
     event: Events = None
     brush: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Brush of all spawned animals: a name or a .brush.toml file.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Brush of all spawned animals, in place of their brushes and programs: a name or a .brush.toml file.",
+        ),
     ] = None
     fps: Fps = None
     threads: Threads = None
@@ -137,7 +141,11 @@ class ServeOptions:
     seed: Seed = None
     agents: Agents = None
     brush: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Brush of all spawned animals: a name or a .brush.toml file.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Brush of all spawned animals, in place of their brushes and programs: a name or a .brush.toml file.",
+        ),
     ] = None
     threads: Threads = None
     json: Json = False

@@ -171,7 +171,11 @@ def read_pictures(paths, every=1):
     ProblemsError
         When a file is neither.
     """
+    names = [Path(path).name for path in paths]
     for path in map(Path, paths):
+        if names.count(path.name) > 1:
+            message = "another file has the same name, by which the table knows its frames; rename one"
+            raise ProblemsError([Problem(str(path), None, None, message)])
         if not path.is_file():
             raise ProblemsError([Problem(str(path), None, None, "there is no such file")])
         if path.suffix.lower() in VIDEOS:

@@ -50,7 +50,7 @@ def csv_table(path) -> TrackTable:
     """Tracks from CSV and TSV of Flockbrush, trackdf, Movebank, DeepLabCut, idtracker.ai and TRex. ProblemsError."""
     rows = read_table(path, limits.TRACKS_BYTES, limits.TRACK_ROWS)
     line, header = next(rows, (1, []))
-    header = [cell.strip() for cell in _split(header)]
+    header = [cell.strip() for cell in header]
     lower = [cell.lower() for cell in header]
     if lower[:1] == ["scorer"]:
         return _deeplabcut(path, header, rows)
@@ -66,13 +66,6 @@ def csv_table(path) -> TrackTable:
     heading = lower.index("heading") if "heading" in lower and not degrees else None
     columns, names, animal, lines = _parsed(path, rows, where, heading)
     return _long_table(path, lower, where, columns, names, animal, lines, degrees)
-
-
-def _split(row):
-    """The cells of a row; of one separated by tabs or semicolons as well."""
-    if len(row) == 1 and ("\t" in row[0] or ";" in row[0]):
-        return re.split(r"[\t;]", row[0])
-    return row
 
 
 def _need(path, where, header):
@@ -91,8 +84,7 @@ def _parsed(path, rows, where, heading):
     numbers = {name: array("d") for name in ("x", "y", "frame", "time", "heading")}
     names: dict[str, int] = {}
     animal, lines = array("q"), array("q")
-    for line, cells in rows:
-        row = _split(cells)
+    for line, row in rows:
         for name, at in (("x", where["x"]), ("y", where["y"]), ("frame", where["frame"]), ("heading", heading)):
             if at is not None:
                 numbers[name].append(_number(path, line, name, row, at, problems))
@@ -115,8 +107,7 @@ def _grid(path, rows, columns):
     """(T, len(columns)) numbers of rows (line, cells), NaN where there is none; ProblemsError."""
     values = array("d")
     problems: list[Problem] = []
-    for line, cells in rows:
-        row = _split(cells)
+    for line, row in rows:
         values.extend(_number(path, line, f"column {at + 1}", row, at, problems) for at in columns)
         if len(values) > limits.TRACK_NUMBERS:
             raise refused(path, f"has more than {limits.TRACK_NUMBERS.text}; split it into parts")
@@ -349,7 +340,7 @@ def _deeplabcut(path, header, rows) -> TrackTable:
     first: tuple | None = (0, header)
     while first is not None and first[1] and (name := first[1][0].strip().lower()) in _HEADS and name not in heads:
         heads[name] = [cell.strip() for cell in first[1][1:]]
-        first = next(((line, _split(row)) for line, row in rows), None)
+        first = next(rows, None)
     coords = heads.get("coords")
     if not coords or "bodyparts" not in heads or first is None:
         raise refused(

@@ -60,15 +60,14 @@ def _rows(path, gone=None):
     header = [cell.strip().lower() for cell in next(rows, (1, []))[1]]
     missing = [column for column in COLUMNS if column not in header]
     if missing:
-        other = next((mark for mark in (";", "\t") if len(header) == 1 and mark in header[0]), None)
-        hints = "; separate them by commas" if other else did_you_mean(missing[0], header)
+        hint = did_you_mean(missing[0], header)
         raise ProblemsError(
             [
                 Problem(
                     name,
                     1,
                     missing[0],
-                    f"there is no such column{hints}; a file of tracks must have the columns {', '.join(COLUMNS)}",
+                    f"there is no such column{hint}; a file of tracks must have the columns {', '.join(COLUMNS)}",
                 )
             ]
         )

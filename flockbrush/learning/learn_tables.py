@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from flockbrush.learning.comparison import JUDGED
 from flockbrush.learning.model_choice import table_of
+from flockbrush.learning.report_judgement import judged_rows
 from flockbrush.learning.result import Findings
+from flockbrush.learning.verdict import ALONE
 from flockbrush.runs.terminal import measure, number, say, show, table
 
 
@@ -15,7 +17,8 @@ def show_findings(findings: Findings):
             show(table_of(findings.models))
         say(findings.models.decision)
     if findings.comparison is not None:
-        show(_against_film(findings) if findings.motion else _against_photograph(findings))
+        made = _against_photograph if not findings.motion else _against_film if findings.judgement is None else _judged
+        show(made(findings))
     for title, rows in (
         ("with other numbers of animals", [r | {"not kept": findings.strayed(r) or "-"} for r in findings.counts]),
         ("ablations: mean errors", findings.ablations),
@@ -24,6 +27,21 @@ def show_findings(findings: Findings):
             columns = list(rows[0])
             cells = ([_word(column, value) for column, value in row.items()] for row in rows)
             show(table(*columns, rows=cells, title=title, right=columns[1:]))
+
+
+def _judged(findings):
+    """What the verdict is based on, as much as fits into 80 columns."""
+    judgement = findings.judgement
+    what = "held-out frames" if findings.held is not None else "frames it was learned from"
+    short = {"inconclusive": "-", "persists": "kept", "does not persist": "lost"}
+    made = table(
+        "measure", "clip", "simulated", "limit", "", f"{ALONE:g} s alone", "", right=("clip", "simulated", "limit"),
+        title=f"{findings.brush.name}: {what}, {judgement.seconds:.1f} s",
+    )  # fmt: skip
+    for row, cells in zip(judgement.brush.rows, judged_rows(judgement), strict=True):
+        _, met, clip, herd, _, limit, _, later, lasts = cells
+        made.add_row(row.name, clip, herd, limit, short.get(met, met), later, short.get(lasts, lasts))
+    return made
 
 
 def _against_film(findings):

@@ -23,6 +23,22 @@ def judgement_as_json(judgement):
     }  # fmt: skip
 
 
+COLUMNS = "measure", "", "clip", "simulated", "difference", "limit", "by chance", f"after {ALONE:g} s alone", ""
+
+
+def judged_rows(judgement) -> list[list[str]]:
+    """The measures that a verdict is based on, by `COLUMNS`."""
+    alone = {row.name: row for row in judgement.brush.lasting}
+    rows = []
+    for row in judgement.brush.rows:
+        met = ("met" if row.met else "missed") if row.name in judgement.told else "inconclusive"
+        later = alone.get(row.name)
+        lasts = ["", ""] if later is None else [_n(later.herd), "persists" if later.met else "does not persist"]
+        cells = [_n(value) for value in (row.clip, row.herd, row.off, row.limit, row.by_chance)]
+        rows.append([f"{row.name} {MEASURES[row.name].unit}".strip(), met, *cells, *lasts])
+    return rows
+
+
 def add_judgement(page, judgement):
     """Add the measures with their limits, and the rivals, to a page."""
     if judgement is None:
@@ -36,28 +52,9 @@ def add_judgement(page, judgement):
         "the time is left out, because it depends on the start. By chance: the value of as many animals that do not "
         "interact. A measure is conclusive if at least one of the other herds misses it."
     )
-    alone = {row.name: row for row in judgement.brush.lasting}
-    rows = []
-    for row in judgement.brush.rows:
-        met = (
-            (("met", "good") if row.met else ("missed", "bad"))
-            if row.name in judgement.told
-            else ("inconclusive", "quiet")
-        )
-        later = alone.get(row.name)
-        lasts = "" if later is None else ("persists", "good") if later.met else ("does not persist", "bad")
-        cells = [_n(value) for value in (row.clip, row.herd, row.off, row.limit, row.by_chance)]
-        rows.append(
-            [
-                f"{row.name} {MEASURES[row.name].unit}".strip(),
-                met,
-                *cells,
-                "" if later is None else _n(later.herd),
-                lasts,
-            ]
-        )
-    columns = ["measure", "", "clip", "simulated", "difference", "limit", "by chance", f"after {ALONE:g} s alone", ""]
-    page.table(columns, rows, words=2)
+    colours = {"met": "good", "missed": "bad", "persists": "good", "does not persist": "bad", "inconclusive": "quiet"}
+    rows = [[(cell, colours[cell]) if cell in colours else cell for cell in row] for row in judged_rows(judgement)]
+    page.table(COLUMNS, rows, words=2)
     page.say(
         "Other herds on the same frames: herds that stand, herds that go straight ahead, random parameters, and the "
         "shipped brushes at the speed of the clip; the nearest first. Distance: root mean square of the differences, "

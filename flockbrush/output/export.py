@@ -40,7 +40,9 @@ def check_exports(paths, inputs=(), others=(), options=None):
                 )
                 problems.append(Problem(str(path), None, None, message))
         problems += [Problem(str(path), None, None, message) for message in kind.problems(path, options or {})]
-    beside = [other for path in paths if (kind := exporter_of(path)) for other in kind.beside(path)]
+    kinds = [(path, kind) for path in paths if (kind := exporter_of(path))]
+    beside = [other for path, kind in kinds for other in kind.beside(path)]
+    inputs = [*inputs, *(file for _, kind in kinds for file in kind.reads(options or {}))]
     problems += output_problems([*paths, *others], inputs)
     problems = problems or output_problems([*paths, *beside, *others], inputs)
     if problems:
@@ -93,22 +95,27 @@ class Exports:
                 exporter.close()
             del self._pairs[0]
 
-    def abandon(self):
-        """Remove all incomplete files."""
+    def abandon(self, which=None):
+        """Remove incomplete files: all, or some."""
         for exporter, _ in self._pairs:
-            exporter.abandon()
-        self._pairs = []
+            if which is None or exporter in which:
+                exporter.abandon()
+        self._pairs = [pair for pair in self._pairs if which is not None and pair[0] not in which]
 
     def __enter__(self):
         return self
 
     def __exit__(self, kind, error, trace):
         from flockbrush.engine.commands import CommandError
-        from flockbrush.runs.terminal import Stopped
+        from flockbrush.runs.terminal import Stopped, say
 
         kept = isinstance(error, Stopped) or (isinstance(error, CommandError) and not error.source)  # of no recording
+        if kind is not None:  # a part of a run replaces no file
+            left = [exporter for exporter, _ in self._pairs if not kept or exporter.replaces]
+            for exporter in left if kept else ():
+                say(f"{exporter.path} is still the earlier file: the new one is not complete")
+            self.abandon(left)
         if kind is not None and not kept:
-            self.abandon()
             return
         try:
             self.close()

@@ -79,6 +79,7 @@ class Exporter:
         self.options = {option.name: option.default for option in self.choices}
         self.options |= {name: value for name, value in options.items() if value is not None}
         self.frames = 0
+        self.replaces = self.path.exists()  # an earlier file of this name
         self._work = hold(path)
         self.temporary = self._work.new
 
@@ -86,6 +87,11 @@ class Exporter:
     def beside(cls, path) -> list[Path]:
         """Files that are written beside the main file."""
         return []
+
+    @classmethod
+    def reads(cls, options) -> list[str]:
+        """Files that the options name, and that no output may replace."""
+        return [options["camera"]] if options.get("camera") else []
 
     @classmethod
     def problems(cls, path, options) -> list[str]:
@@ -128,7 +134,11 @@ _registry: dict[str, type[Exporter]] = {}
 
 
 def exporter(*endings):
-    """Register a class of `Exporter` for these endings of file names, lower case with the dot."""
+    """Register a class of `Exporter` for these endings of file names, lower case with the dot; ValueError where not."""
+
+    for ending in endings:
+        if not (isinstance(ending, str) and ending.startswith(".") and ending == ending.lower()):
+            raise ValueError(f"an ending must be lower case with a dot, such as '.csv', got {ending!r}")
 
     def register(kind):
         kind.endings = endings

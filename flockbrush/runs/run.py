@@ -8,6 +8,7 @@ import os
 import posixpath
 import sys
 import time
+import warnings
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
@@ -19,7 +20,8 @@ from flockbrush.behaviours.brush import SUFFIX, load_brush
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.keyframe_spacing import KeyframeSpacing
-from flockbrush.engine.noise import seed_of
+from flockbrush.engine.locks import Advice
+from flockbrush.engine.noise import seed_of, whole
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.engine.recording import MANY, RecordedRun, Recorder, Recording, RecordingError, resume
 from flockbrush.engine.recording_format import packed_size
@@ -57,6 +59,8 @@ def find_level(name) -> Path:
     ProblemsError
         When there is neither.
     """
+    if not isinstance(name, (str, os.PathLike)):
+        raise TypeError(f"a level is the name of a shipped one or a path, got {name!r}")
     path = Path(name)
     if str(name) in shipped_levels() and not path.is_file():
         return SHIPPED / f"{name}.tmj"
@@ -110,6 +114,10 @@ def _with_brush(level, library, brush):
     """
     path = Path(brush)
     asset = load_brush(path) if path.name.endswith(SUFFIX) else library.get(str(brush))
+    left = sorted({spawn.program for spawn in level.spawns if spawn.program})
+    if left:
+        message = f"{level.name}: all animals have the brush {asset.name}, without programs: {', '.join(left)} left out"
+        warnings.warn(Advice(message), stacklevel=3)
     built = build(level, library=library)
     files = built.assets()
     built.close()
@@ -168,7 +176,7 @@ def from_files(files, seed=None, agents=None) -> Simulation:
 def _built(level, seed, agents, library):
     if agents is None:
         return build(level, seed, library=library)
-    if not 1 <= agents <= limits.ANIMALS:
+    if not 1 <= whole("agents", agents) <= limits.ANIMALS:
         raise refused(level.path, f"the number of animals must be 1 to {limits.ANIMALS}, got {agents}")
     try:
         return build(level, seed, agents, library)

@@ -9,7 +9,7 @@ import flockbrush
 from flockbrush.cli.level_commands import recorder_of, stepping
 from flockbrush.cli.main import called
 from flockbrush.output.export import Exports
-from flockbrush.runs.terminal import Interrupts, exit_code_of
+from flockbrush.runs.terminal import Interrupts, Stopped, exit_code_of
 
 
 @pytest.mark.parametrize(
@@ -45,3 +45,17 @@ def test_a_key_that_fails_is_named_and_what_was_written_before_it_is_kept(tmp_pa
     assert "stopped after tick 32; the written files are complete up to this tick" in capsys.readouterr().err
     assert table.read_text().splitlines()[-1].startswith("32,")
     assert called(["replay", str(run), "--verify"]) == 0
+
+
+def test_a_run_that_is_stopped_keeps_the_earlier_file_of_a_name(tmp_path, capsys):
+    old, new = tmp_path / "old.csv", tmp_path / "new.csv"
+    old.write_text("mine")
+    simulation = flockbrush.start("meadow", 1, 10)
+    with pytest.raises(Stopped), Exports([old, new], simulation) as exports:
+        exports.take()
+        simulation.tick()
+        exports.take()
+        raise Stopped
+    assert old.read_text() == "mine" and new.read_text().splitlines()[-1].startswith("1,")
+    assert f"{old} is still the earlier file: the new one is not complete" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new.csv", "new.csv.json", "old.csv"]

@@ -8,6 +8,7 @@ import pytest
 from processes import environment, other_process
 
 import flockbrush
+from flockbrush import __main__ as entry
 
 HEAVY = ("numba", "numpy", "scipy", "pygame", "cv2", "av", "esper", "pyarrow", "pxr")
 
@@ -175,3 +176,16 @@ def test_paragraphs_of_a_help_are_broken_by_the_terminal_alone():
     known = get_command(app).commands
     assert "verified. Every" in known["edit"].help
     assert [name for name, one in known.items() for part in one.help.split("\n\n") if "\n" in part] == []
+
+
+def test_ctrl_c_while_the_program_is_loaded_ends_it_in_one_word(monkeypatch, capsys):
+    class Interrupting:
+        def find_spec(self, name, path=None, target=None):
+            if name == "flockbrush.cli.main":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "flockbrush.cli.main")
+    monkeypatch.setattr(sys, "meta_path", [Interrupting(), *sys.meta_path])
+    with pytest.raises(SystemExit) as ended:
+        entry.main()
+    assert ended.value.code == 130 and capsys.readouterr().err == "stopped\n"

@@ -59,6 +59,9 @@ def test_a_sequence_does_not_mix_with_another(cli, recording, tmp_path):
     done = cli("export", recording, "--to", tmp_path / "s.####.png", "--fps", 4)
     assert done.code == 1 and "s.0000.png already exists" in done.err
     assert (tmp_path / "s.0000.png").read_bytes() == b"mine" and names(tmp_path) == ["s.0000.png"]
+    (tmp_path / "s.0000.png").rename(tmp_path / "s.0007.png")  # also one that comes later
+    done = cli("export", recording, "--to", tmp_path / "s.####.png", "--fps", 4)
+    assert done.code == 1 and "s.0007.png already exists" in done.err and names(tmp_path) == ["s.0007.png"]
 
 
 def test_a_picture_whose_number_is_taken_meanwhile_is_not_overwritten(recording, level, tmp_path):

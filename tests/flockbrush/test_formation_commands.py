@@ -174,6 +174,12 @@ def test_a_film_of_geese_has_scale_and_units(tmp_path, monkeypatch):
         (["fly", "nothing.json"], "no such file"),
         (["film", "geese", "-o", "geese.gif"], "the name must end in .mp4"),
         (["detect", "nothing.png", "-o", "marks.csv"], "no such file"),
+        (["detect", "a/1.png", "b/1.png", "-o", "marks.csv"], "a/1.png: another file has the same name"),
+        (["detect", "nothing.png", "-o", "marks.png"], "marks.png: its name must end in .csv"),
+        (["extract", "nothing.csv", "-o", "v.toml"], "v.toml: its name must end in .json"),
+        (["extract", "nothing.csv", "--plot", "v.pdf"], "v.pdf: its name must end in .png"),
+        (["fly", "nothing.json", "-o", "v.parquet"], "v.parquet: its name must end in .csv"),
+        (["initiate", "-o", "v.parquet"], "v.parquet: its name must end in .csv"),
     ],
 )
 def test_what_cannot_be_done_is_said(words, said, tmp_path, capsys, monkeypatch):

@@ -29,6 +29,21 @@ def lifted(film, *more):
     return called(["lift", tracks, "--camera", camera, "--out", out, *more])
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--brush", "b.txt"], "b.txt: its name must end in .brush.toml"),
+        (["--brush", "b.brush.toml", "--wingspan", "nan"], "--wingspan"),
+        (["--brush", "b.brush.toml", "--frame", "9999"], "has frames 0 to 19; there is no frame 9999"),
+    ],
+)
+def test_a_brush_that_cannot_be_made_is_refused_before_the_work(words, said, film, capsys, monkeypatch):
+    monkeypatch.chdir(film)
+    (film / "flock.csv").unlink(missing_ok=True)
+    assert lifted(film, *words) != 0
+    assert said in capsys.readouterr().err and not (film / "flock.csv").exists()
+
+
 def test_a_flight_is_written_with_the_columns_of_every_trajectory(film, capsys):
     assert lifted(film, "--json") == 0
     told = json.loads(capsys.readouterr().out)
@@ -191,7 +206,8 @@ def test_what_can_be_lifted_is_and_the_rest_is_told(film, capsys, tracks, birds,
     [
         ("", "tracks.csv:1: frame: there is no such column"),
         ("frame,id,x,y\n", "has no birds"),
-        ("frame;id;x;y\n1;1;2;3\n", "separate them by commas"),
+        ("frame;id;x;y\n1;1;2,5;3\n", "tracks.csv:2: x: must be a number, got '2,5'"),
+        ("frame,id,x,y\n1,1,2,5,3\n", "tracks.csv:2: has 5 cells, the header has 4; decimals need a point"),
         ("frame,bird,x,y\n1,1,2,3\n", "tracks.csv:1: id: there is no such column"),
         ("frame,id,x,y\n1,1,nan,3\n", "tracks.csv:2: x: must be a finite number of pixels"),
         ("frame,id,x,y\n1,1,2,3\n1,1,2,4\n", "tracks.csv:3: id: bird 1 is in frame 1 twice, here and in line 2"),

@@ -12,6 +12,7 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.engine.recording import open_recording, resume
 from pens import pen
 
+from flockbrush.cli import doctor
 from flockbrush.cli.doctor import pinned_versions
 from flockbrush.cli.measure import Counts, sparkline
 from flockbrush.runs.run import rebuild, shipped_levels
@@ -237,6 +238,14 @@ def test_the_doctor_names_what_is_missing(cli, monkeypatch):
     assert "problem  av" in done.out
     assert "warn  pyarrow" in done.out
     assert "warn  tiled" in done.out
+
+
+@pytest.mark.parametrize(("version", "state"), [("1.8.2", "warn"), ("1.10.0", "ok"), ("1.11.2", "ok"), ("2", "ok")])
+def test_the_doctor_names_a_tiled_that_is_too_old(version, state, cli, monkeypatch):
+    monkeypatch.setattr(doctor, "_first_line", lambda command: f"Tiled {version}")
+    monkeypatch.setattr("shutil.which", lambda name: f"/bin/{name}")
+    (tiled,) = (f for f in json.loads(cli("doctor", "--json").out) if f["what"] == "tiled")
+    assert tiled["state"] == state and (state == "ok") == ("needs 1.10 or newer" not in str(tiled))
 
 
 def test_versions_that_were_tested_are_read_from_the_constraints():

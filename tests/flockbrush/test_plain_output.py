@@ -55,7 +55,7 @@ def test_json_stays_the_same_data():
         ("brush", "show", "{}.brush.toml"),
         ("brush", "show", "{}"),
         ("sweep", "{}"),
-        ("formation", "detect", "{}.png", "--out", "a.json"),
+        ("formation", "detect", "{}.png", "--out", "a.csv"),
         ("learn", "{}.mp4", "--out", "a.brush.toml"),
         ("play", "{}.csv"),
         ("{}",),

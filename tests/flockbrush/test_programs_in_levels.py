@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 
 import pytest
 from flockbrush.behaviours.program import load_program, save_program, shipped_programs
@@ -147,6 +148,13 @@ def test_a_program_is_tried_on_a_plane(cli, tmp_path):
     assert "from \\ to" in cli(*words).out
     assert "must be SPECIES:BRUSH" in " ".join(cli(*words, "--intruder", "wolf").err.split())
     assert "there is no brush 'wolf-hnut'" in " ".join(cli(*words, "--intruder", "wolf:wolf-hnut").err.split())
+
+
+def test_what_the_documentation_shows_of_a_program_is_what_it_does(cli):
+    page = (Path(__file__).parents[2] / "docs" / "programs.md").read_text(encoding="utf-8")
+    shown = cli("program", "test", "stampede", "--intruder", "wolf:wolf-hunt", "--seconds", 40).out
+    rows = [" ".join(line.split()) for line in shown.splitlines() if line.strip()[:1].isdigit()]
+    assert len(rows) == 9 and [row for row in rows if row not in " ".join(page.split())] == []
 
 
 @pytest.mark.parametrize(("program", "species"), [("lake-goose", "goose"), ("falcon", "falcon"), ("merino", "sheep")])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from blender import WITHOUT_BLENDER, blender_python
 from flockbrush.components import Heading, Position
+from flockbrush.engine.locks import Advice
 
 from flockbrush.render.canvas import smooth
 from flockbrush.runs.run import start
@@ -352,6 +353,22 @@ def test_a_look_that_cannot_be_used_is_refused_before_the_run(cli, recording, tm
     assert done.code == 1
     assert "--prototype" in done.err
     assert not (tmp_path / "a.usdc").exists()
+
+
+def test_a_look_is_not_replaced_by_the_scene_nor_given_twice_or_empty_or_to_nobody(cli, recording, tmp_path, box):
+    before = box.read_bytes()
+    done = cli("export", recording, "--to", box, "--prototype", f"sheep={box}")
+    assert (done.code, box.read_bytes()) == (1, before) and "is also an input file" in done.err
+    out, empty = tmp_path / "a.usdc", tmp_path / "empty.usda"
+    empty.write_text('#usda 1.0\n(defaultPrim="E")\ndef Xform "E" {}\n')
+    for words, said in (
+        (["--prototype", f"sheep={box}", "--prototype", f"sheep={box}"], "there are several files for 'sheep'"),
+        (["--prototype", f"sheep={empty}"], "its default prim has no geometry"),
+    ):
+        done = cli("export", recording, "--to", out, *words)
+        assert done.code == 1 and done.err.count(said) == 1 and not out.exists()
+    with pytest.warns(Advice, match="--prototype cow=.*: there is no such species here; there are .*sheep"):
+        assert cli("export", recording, "--to", out, "--fps", 4, "--prototype", f"cow={box}").code == 0
 
 
 @pytest.mark.tools

@@ -432,6 +432,15 @@ def test_the_command_opens_a_window_and_says_what_is_wrong(tmp_path, monkeypatch
     ):
         done = runner.invoke(commands, ["play", *words])
         assert isinstance(done.exception, ProblemsError) and said in str(done.exception)
+    (tmp_path / "t.csv").write_text("frame,id,x,y\n")
+    for words, option, what in (
+        (["--clip", str(sky_clip), "--record", "r.flock"], "--record", "a clip"),
+        (["meadow", "--tracks", "t.csv"], "--tracks", "a level or a recording"),
+        (["meadow", "--unit", "m"], "--unit", "a level or a recording"),
+        ([str(tmp_path / "t.csv"), "--text-size", "90"], "--text-size", "tracks"),
+    ):
+        done = runner.invoke(commands, ["play", *words])
+        assert done.exit_code == 2 and option in done.output and f"does not apply to {what}" in done.output
     monkeypatch.setattr("flockbrush.studio.start_clip.missing_display", lambda: "none")
     done = runner.invoke(commands, ["play", "--clip", str(sky_clip), *out], standalone_mode=False)
     assert done.return_value == 2

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.drive import Urges, drives
+from flockbrush.behaviours import drive as drive_module
+from flockbrush.behaviours.drive import DriveParameters, Urges, drive, drives
 from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
 from flockbrush.components import Heading, Position, Speed, Thrust, Urge, Velocity, Wish
 from flockbrush.engine.raster import Raster
@@ -149,6 +150,25 @@ def test_drives_take_their_shares_in_order_and_the_model_gets_the_rest():
     assert taken.names == ["first", "second", "third"]
     assert taken.share.tolist() == [[0.7, 0.7], pytest.approx([0.3, 0.3]), [0.0, 0.0]]
     assert asked(None, np.arange(2), order[1:2]) is None
+
+
+@pytest.mark.parametrize(
+    ("urges", "words"),
+    [
+        (lambda k: np.zeros((k, 3)), "drive 'mine' must return Urges or None, got ndarray"),
+        (lambda k: Urges(np.zeros((k, 2)), np.ones(k)), r"drive 'mine' was asked for 1 animals: .* got \(1, 2\)"),
+        (lambda k: Urges(np.full((k, 3), np.nan), np.ones(k)), "drive 'mine' gave .* not finite"),
+    ],
+)
+def test_what_a_drive_must_not_return_is_told_with_its_name(urges, words, monkeypatch):
+    """And a cell of a notebook that registers it may be run again."""
+    monkeypatch.setattr(drive_module, "_registry", dict(drives()))
+    for _ in range(2):
+        drive("mine", DriveParameters)(lambda scene, rows, params: urges(len(rows)))
+    simulation = meadow(brush().model_copy(update={"drives": {"mine": DriveParameters()}}))
+    put(simulation, [(20, 20)])
+    with pytest.raises((TypeError, ValueError), match=words):
+        simulation.run(2)
 
 
 def test_a_drive_without_strength_changes_no_bit():

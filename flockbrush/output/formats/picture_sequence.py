@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import os
 from pathlib import Path
 
@@ -23,9 +24,11 @@ class PngSequence(Pictures):
     @classmethod
     def problems(cls, path, options):
         problems = super().problems(path, options)
-        first = numbered(path, 0)
-        if first.exists():
-            problems.append(f"{first.name} already exists; choose another name, or an empty folder")
+        head, _, tail = Path(path).name.rpartition(MARK)
+        others = Path(path).parent.glob(f"{glob.escape(head)}*{glob.escape(tail)}")
+        taken = sorted(one.name for one in others if one.name[len(head) : len(one.name) - len(tail)].isdigit())
+        if taken:
+            problems.append(f"{taken[0]} already exists; choose another name, or an empty folder")
         return problems
 
     def open(self):
@@ -42,11 +45,11 @@ class PngSequence(Pictures):
 
     def close(self):
         """Give all pictures their names; a name that was taken in the meantime is an error."""
-        for frame in range(self.frames):
-            source, target = self._folder / f"{frame}.png", numbered(self.path, frame)
-            if target.exists():
-                raise FileExistsError(17, "a picture with this number already exists", str(target))
-            os.replace(source, target)
+        targets = [numbered(self.path, frame) for frame in range(self.frames)]
+        if taken := [str(target) for target in targets if target.exists()]:
+            raise FileExistsError(17, "a picture with this number already exists", taken[0])
+        for frame, target in enumerate(targets):
+            os.replace(self._folder / f"{frame}.png", target)
         self.let_go()
         self._work.close()
 

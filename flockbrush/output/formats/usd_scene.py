@@ -39,6 +39,10 @@ class UsdScene(Exporter):
         return [Path(path).with_suffix(".ground.jpg")]
 
     @classmethod
+    def reads(cls, options):
+        return [*super().reads(options), *(text.partition("=")[2] for text in options.get("prototype") or ())]
+
+    @classmethod
     def problems(cls, path, options):
         problems = camera_problems(options)
         if options.get("prototype"):

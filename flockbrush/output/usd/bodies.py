@@ -106,8 +106,7 @@ class UsdBodies:
         """A reference to a file, turned and scaled so that it looks along +X, z up, and is 1 m long."""
         theirs = Usd.Stage.Open(str(file))
         root = theirs.GetDefaultPrim()
-        cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [UsdGeom.Tokens.default_, UsdGeom.Tokens.render])
-        long = cache.ComputeWorldBound(root).ComputeAlignedRange().GetSize()[0]
+        long = bounds_of(root).GetSize()[0]
         body = UsdGeom.Xform.Define(self.stage, f"{path}/Body")
         if long > 0:
             body.AddScaleOp().Set(Gf.Vec3f(1.0 / long))
@@ -115,6 +114,12 @@ class UsdBodies:
             body.AddRotateXOp().Set(90.0)
         inner = self.stage.DefinePrim(f"{path}/Body/Given")
         inner.GetReferences().AddReference(os.path.abspath(file))
+
+
+def bounds_of(prim):
+    """The box around all that a prim shows, in its own unit."""
+    cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), [UsdGeom.Tokens.default_, UsdGeom.Tokens.render])
+    return cache.ComputeWorldBound(prim).ComputeAlignedRange()
 
 
 def write_mesh(stage, path, mesh, points):

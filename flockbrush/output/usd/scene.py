@@ -6,13 +6,15 @@ long, and scales make it as long as the animal.  Samples are handed to the file 
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 from pxr import Sdf, Usd, UsdGeom, Vt
 
+from flockbrush.engine.locks import Advice
 from flockbrush.output.picture_exporter import camera_of, chosen_theme
 from flockbrush.output.trajectory_table import as_attribute, metadata_of
-from flockbrush.output.usd.bodies import UsdBodies
+from flockbrush.output.usd.bodies import UsdBodies, bounds_of
 from flockbrush.output.usd.herd_prims import Instancer, Xforms
 from flockbrush.output.usd.skeletons import Skeletons
 from flockbrush.output.usd.surroundings import CAMERA, sample_ground, set_camera, write_place
@@ -53,7 +55,8 @@ class UsdStage:
         self._layer.customLayerData = {"flockbrush": about}
         self._gaits, self._pending = Gaits(simulation), 0
         given = dict(text.split("=", 1) for text in options.get("prototype") or ())
-        bodies = UsdBodies(stage, simulation, {name: Path(file) for name, file in given.items()}, chosen_theme(options))
+        files = {name: Path(file) for name, file in given.items()}
+        self._bodies = bodies = UsdBodies(stage, simulation, files, chosen_theme(options))
         self._herd = MODES[options.get("usd_mode") or "instancer"](stage, bodies, simulation)
         self._obstacles = write_place(stage, simulation, options, texture)
         self._camera = camera_of(options)
@@ -79,6 +82,11 @@ class UsdStage:
         self._stage.SetStartTimeCode(0)
         self._stage.SetEndTimeCode(max(0, self.frames - 1))
         self._herd.finish()
+        species = self._bodies.names()[0]
+        for name in self._bodies.given:
+            if name not in species:
+                told = f"--prototype {name}=...: there is no such species here; there are {', '.join(species)}"
+                warnings.warn(Advice(told), stacklevel=2)
         herd = self._stage.GetPrimAtPath(f"{ROOT}/Herd")
         for name, words in words_of(self.simulation).items():
             herd.SetCustomDataByKey(f"{name}_names", Vt.StringArray(list(words)))
@@ -88,10 +96,12 @@ class UsdStage:
 
 def problems_of(prototypes) -> list[str]:
     """What is wrong with ``--prototype`` texts."""
-    problems = []
-    for text in prototypes or ():
+    problems, names = [], [text.partition("=")[0] for text in prototypes or ()]
+    for k, text in enumerate(prototypes or ()):
         name, _, file = text.partition("=")
-        if not name or not file:
+        if name in names[:k]:
+            problems.append(f"--prototype {text}: there are several files for {name!r}")
+        elif not name or not file:
             problems.append(f"--prototype must be SPECIES=FILE.usd, got {text!r}")
         elif not Path(file).is_file():
             problems.append(f"--prototype {text}: there is no file {file!r}")
@@ -102,4 +112,6 @@ def problems_of(prototypes) -> list[str]:
                 stage = None
             if stage is None or not stage.GetDefaultPrim():
                 problems.append(f"--prototype {text}: this is not a USD file with a default prim")
+            elif bounds_of(stage.GetDefaultPrim()).IsEmpty():
+                problems.append(f"--prototype {text}: its default prim has no geometry")
     return problems
