@@ -53,6 +53,8 @@ def read_table(path, most_bytes: int, most_rows: int) -> Iterator[tuple[int, lis
                 if count > most_rows:
                     message = f"has more than {most_rows:,} rows; cut it into parts"
                     raise ProblemsError([Problem(name, reader.line_num, None, message)])
+        if not count:
+            raise ProblemsError([Problem(name, None, None, "is empty")])
     except OSError as error:
         raise ProblemsError([Problem(name, None, None, f"cannot be read: {error.strerror or error}")]) from None
     except UnicodeDecodeError:

@@ -31,6 +31,7 @@ from flockbrush.film.track_table import (
 )  # fmt: skip
 
 OURS = {"vx", "vy", "vz", "speed", "species", "role", "reference"}  # columns of exports, which are in metres
+FLOWN = {"x_b", "y_b", "x", "y", "z"}  # of `flockbrush formation fly`, likewise
 NAMES = {  # what columns are called, the first that is there is taken
     "id": ("id", "track_id", "trackid", "track", "individual", "individual-local-identifier", "tag-local-identifier",
            "animal", "animal_id", "object", "particle", "name"),
@@ -39,6 +40,7 @@ NAMES = {  # what columns are called, the first that is there is taken
     "frame": ("frame", "frame_number", "frame_idx"),
     "time": ("time", "time_s", "seconds", "t", "timestamp"),
 }  # fmt: skip
+FARTHEST = 1e12  # of places, in their unit
 _TOLD = 20  # problems of one file that are reported
 ROUNDED = 0.1  # frames by which times may be off a frame without being interpolated
 
@@ -142,6 +144,9 @@ def _number(path, line, column, row, at, problems):
     except ValueError:
         problems.append(Problem(str(path), line, column, f"must be a number, got {cell[:40]!r}"))
         return np.nan
+    if not abs(value) < FARTHEST:
+        problems.append(Problem(str(path), line, column, f"must be a number below 1e12, got {cell[:40]!r}"))
+        return np.nan
     if column == "frame" and not (abs(value) <= 1e9 and value == int(value)):
         problems.append(Problem(str(path), line, column, f"must be a whole number, at most 1e9, got {cell[:40]!r}"))
         return np.nan
@@ -191,7 +196,7 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         x, y = metres(path, x, y, valid)
         unit = "m"
     else:
-        unit = unit or ("m" if set(header) >= OURS else _unit_of_name(header[where["x"]]))
+        unit = unit or ("m" if set(header) >= OURS or set(header) >= FLOWN else _unit_of_name(header[where["x"]]))
     fps = about.get("fps") if isinstance(about.get("fps"), int | float) else None
     if where["frame"] is not None:
         frames = _whole(path, columns["frame"][valid])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.components import FormationPlace, Heading, Position, Velocity
+from flockbrush.engine.files import refused
 from flockbrush.render import write_png
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_terrain import nice
@@ -12,6 +13,7 @@ from flockbrush.render.picture_files import Video
 from flockbrush.render.style import mix, rgb, theme_of
 from flockbrush.runs.power_savings import savings_of, wingspans_of
 from flockbrush.runs.run import start
+from flockbrush.systems.palette import Palette
 
 SIZE = 1120, 680
 GROUND, BARS = 560, 90  # pixels of height: the view, and the bars below
@@ -66,6 +68,8 @@ def film(level, path, seconds=60.0, seed=None, fps=16, theme="light", say=lambda
         ``frames``, and ``saved``: Σ g of a bird, mean over the birds in formation at the end of the film.
     """
     simulation, look, camera = start(level, seed=seed), theme_of(theme), FollowCamera()
+    if not simulation.world.resource(Palette).flies.any():
+        raise refused(level, "none of its animals fly; a film of a formation needs a level with birds, such as geese")
     every = max(1, round(32 / fps))
     image, summary = None, {"frames": 0, "saved": float("nan")}
 

@@ -60,6 +60,13 @@ def flight(marks, tmp_path):
     return table
 
 
+def test_a_flight_is_measured_in_metres(flight, capsys):
+    capsys.readouterr()
+    assert called(["measure", str(flight), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["unit"] == "m" and told["measures"]["speed_mean"] == pytest.approx(16.0, abs=0.5)
+
+
 def test_a_flight_is_exported_as_tables(flight, tmp_path, capsys):
     parquet = pytest.importorskip("pyarrow.parquet")
     paths = [tmp_path / "out.csv", tmp_path / "out.parquet"]
@@ -173,6 +180,7 @@ def test_a_film_of_geese_has_scale_and_units(tmp_path, monkeypatch):
         (["extract", "nothing.csv"], "no such file"),
         (["fly", "nothing.json"], "no such file"),
         (["film", "geese", "-o", "geese.gif"], "the name must end in .mp4"),
+        (["film", "meadow", "-o", "meadow.png"], "meadow: none of its animals fly"),
         (["detect", "nothing.png", "-o", "marks.csv"], "no such file"),
         (["detect", "a/1.png", "b/1.png", "-o", "marks.csv"], "a/1.png: another file has the same name"),
         (["detect", "nothing.png", "-o", "marks.png"], "marks.png: its name must end in .csv"),

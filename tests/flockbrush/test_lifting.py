@@ -204,7 +204,7 @@ def test_what_can_be_lifted_is_and_the_rest_is_told(film, capsys, tracks, birds,
 @pytest.mark.parametrize(
     ("tracks", "said"),
     [
-        ("", "tracks.csv:1: frame: there is no such column"),
+        ("", "tracks.csv: is empty"),
         ("frame,id,x,y\n", "has no birds"),
         ("frame;id;x;y\n1;1;2,5;3\n", "tracks.csv:2: x: must be a number, got '2,5'"),
         ("frame,id,x,y\n1,1,2,5,3\n", "tracks.csv:2: has 5 cells, the header has 4; decimals need a point"),

@@ -176,12 +176,24 @@ def test_our_own_exports_are_read_back(tmp_path, ending):
         ("frame,id,x,y", [(0, 1, 2, 3), (0, 1, 2, 3)], "twice"),
         ("frame,id,x,y", [(t, 1, t, t) for t in range(3)], "at least 8"),
         ("frame,id,x,y", [], "no row"),
+        ("frame,id,x,y", [(0, 1, 2, 3), (1, 1, "inf", 3)], ":3: x: must be a number below 1e12, got 'inf'"),
+        ("frame,id,x,y", [(0, 1, 2, "1e300")], ":2: y: must be a number below 1e12"),
+        ("frame,id,x,y", [(0, 1, 2, 3, 4)], ":2: has 5 cells, the header has 4"),
     ],
 )
 def test_what_is_wrong_with_a_table_is_said(tmp_path, head, rows, words):
     with pytest.raises(ProblemsError) as caught:
         read_trajectories(written(tmp_path / "a.csv", head, rows), "m", 10)
     assert words in str(caught.value)
+
+
+def test_separators_are_those_of_the_header(tmp_path):
+    rows = long_rows(paths_of())
+    plain = read_trajectories(written(tmp_path / "a.csv", "frame,id,x,y", rows), "m", 10)
+    for mark in ";\t":
+        text = (tmp_path / "a.csv").read_text().replace(",", mark)
+        (tmp_path / "b.csv").write_text(f"\n{text}")
+        assert np.array_equal(read_trajectories(tmp_path / "b.csv", "m", 10).xy, plain.xy, equal_nan=True)
 
 
 def test_unit_and_frame_rate_are_asked_for(tmp_path):
