@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import sys
+import warnings
 
 import typer
 
@@ -16,6 +17,7 @@ from flockbrush.output.live.serving import Serving
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
 from flockbrush.runs.compile_ahead import compiling_ahead
+from flockbrush.runs.kernel_helper import rehearse
 from flockbrush.runs.terminal import print_json, print_line, say
 
 
@@ -29,6 +31,8 @@ def serve_level(service: ServeOptions):
     use_threads(service.threads)
     world = service.level, service.seed, service.agents, service.brush
     with terminal.Interrupts() as interrupts, compiling_ahead(*world):
+        with warnings.catch_warnings(action="ignore"):  # the start itself tells
+            rehearse(name=service.level, seed=service.seed, agents=service.agents, brush=service.brush)
         simulation = running.start(*world)
         serving = Serving(simulation, service.host, service.port, service.frame_rate)
         serving.link.start()
@@ -39,7 +43,8 @@ def serve_level(service: ServeOptions):
             serving.run(lambda: interrupts.asked, service.seconds)
     say(f"stopped after tick {simulation.clock.tick}")
     if service.record:
-        print_line(f"wrote {service.record}; verify it: flockbrush replay {service.record} --verify")
+        tell = say if service.json else print_line
+        tell(f"wrote {service.record}; verify it: flockbrush replay {service.record} --verify")
 
 
 def _announce(service, link):

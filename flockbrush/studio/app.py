@@ -182,6 +182,7 @@ class App(ActiveTool, AppActions, CanvasEvents, Window):
         """Everything that reads the world, between ticks."""
         dt, self._unheard = self._unheard, 0.0
         self.session.autosave()
+        self.canvas.repaint()
         self.tell()
         self._disk -= dt
         if self._disk <= 0:

@@ -72,7 +72,7 @@ class Dialog(UIWindow):
         if event.type == pygame.KEYDOWN:
             if event.key == pygame.K_ESCAPE:
                 self.answer(list(self.answers)[-1])
-            elif event.key in (pygame.K_RETURN, pygame.K_KP_ENTER):
+            elif event.key in (pygame.K_RETURN, pygame.K_KP_ENTER) and not (self.entry and self.entry.is_focused):
                 self.answer(next(iter(self.answers)))
             return True
         return False

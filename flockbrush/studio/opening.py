@@ -92,6 +92,7 @@ def try_kernels(name, seed=None):
     """Let a few animals of a level live and be drawn, so that all is compiled before the window needs it."""
     from flockbrush.output.pictures import herd_of
     from flockbrush.render import Painter
+    from flockbrush.render.space_view import SpacePainter
     from flockbrush.runs.run import start
     from flockbrush.runs.snapshots import moment_of
 
@@ -101,7 +102,8 @@ def try_kernels(name, seed=None):
         return
     try:
         simulation.run(2)
-        painter = Painter(simulation.level, (320, 240), words=False)
-        painter.frame(herd_of(simulation, moment_of(simulation, labels=False)), time=0.0)
+        herd = herd_of(simulation, moment_of(simulation, labels=False))
+        for kind in (Painter, SpacePainter):
+            kind(simulation.level, (320, 240), words=False).frame(herd, time=0.0)
     finally:
         simulation.close()

@@ -124,6 +124,8 @@ class RecordingEdits:
         self._change(lambda file: file.remove(name))
 
     def _step(self, step):
+        if (self.undo_label if step is EditFile.undo else self.redo_label) is None:
+            return None
         new_layers = []
         self._change(lambda file: new_layers.append(step(file)))
         return sentence_of(new_layers[0]) if new_layers[0] is not None else None

@@ -100,6 +100,8 @@ class SessionFiles:
         try:
             if to.parent == running.SHIPPED:  # whatever is open
                 raise refused(to, "is part of Flockbrush and cannot be changed; save it under another name")
+            if not to.parent.is_dir():
+                raise refused(to, f"there is no folder {str(to.parent)!r}")
             self.editor.save(to)
         except (ProblemsError, OSError, ValueError) as error:
             self._say("error", f"{error}\nThe level was not saved; your changes are kept in this window.")

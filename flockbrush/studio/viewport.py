@@ -229,6 +229,12 @@ class Viewport:
         if self._overlays is not None and self.app.selected is not None and self.app.overlays & EXPLAINED:
             self._overlays.explanations.of(self.app.selected)
 
+    def repaint(self):
+        """Draw the ground anew where it has changed; while the world stands still, as it does once in a frame."""
+        self.prepare()
+        for box in self.app.session.ground_changes():
+            self.painter.repaint(box)
+
     def _wait_for_ticks(self):
         """Overlays that look at the world itself are drawn when it stands still."""
         app = self.app
@@ -242,8 +248,6 @@ class Viewport:
         self.prepare()
         self._wait_for_ticks()
         self._overlays.explanations.held = app.session.ticking
-        for box in app.session.ground_changes():
-            self.painter.repaint(box)
         self.painter.refine(REFINE)
         moment = self._now()
         self._go_along()
@@ -289,8 +293,11 @@ class Viewport:
         step[:2] = short_way(step[:2], app.session.wrap)
         if self.in_space:
             self.look(self.camera.at(*(np.asarray(self.camera.target) + step)))
-        else:
-            self.look(self.camera.at(*(np.asarray(self.camera.centre) + step[:2])))
+            return
+        step = np.rint(step[:2] * self.camera.scale) / self.camera.scale  # by whole pixels: a picture moved stays sharp
+        self._followed = key[0], before[1] + np.append(step, 0.0)  # what is left is gone later
+        if step.any():
+            self.look(self.camera.at(*(np.asarray(self.camera.centre) + step)))
 
     def _centre_on(self, place):
         """Bring a point (3,) m into the middle."""

@@ -337,6 +337,13 @@ def test_edits_made_elsewhere_are_shown_and_gone_with_their_file(window, recordi
     assert shown(window).keys() == everybody.keys()
 
 
+def test_undo_with_nothing_to_take_back_writes_no_file(window, recording):
+    for key in ("ctrl+z", "ctrl+y"):
+        window.key(key)
+    window.frames(2)
+    assert not beside(recording).exists()
+
+
 def test_an_undo_that_could_not_be_written_is_not_said_to_be_done(window, recording):
     window.click(next(iter(shown(window).values())))
     window.key("delete")

@@ -338,6 +338,11 @@ def test_a_level_deleted_while_open_can_be_saved_again(session, level):
     assert session.save() == level and "rock" in [o.name for o in read_level(level).obstacles]
 
 
+def test_a_folder_that_is_not_there_is_not_made(session, tmp_path):
+    assert session.save(tmp_path / "typo" / "mine.tmj") is False
+    assert "there is no folder" in texts(session)[-1] and not (tmp_path / "typo").exists()
+
+
 def test_a_folder_deleted_while_open_loses_nothing(session, level, tmp_path):
     session.do("rock", [rock(session.editor.new_id())])
     shutil.rmtree(level.parent)

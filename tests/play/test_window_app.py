@@ -3,9 +3,11 @@
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pygame
 import pytest
+from flockbrush.systems.edits import PlaceGoal
 from small_pasture import pasture
 from window import Window
 
@@ -40,6 +42,37 @@ def test_the_brush_that_was_asked_for_is_in_hand(tmp_path):
 def test_an_unknown_brush_is_refused_with_what_was_meant(tmp_path):
     with pytest.raises(LookupError, match="did you mean 'graze'"):
         Window(pasture(tmp_path), brush="grase")
+
+
+@pytest.mark.parametrize(("rate", "fps"), [(1.0, 60), (1.0, 30), (8.0, 60)])
+def test_what_changes_on_the_ground_is_drawn_at_once_however_fast_time_goes(window, rate, fps, monkeypatch):
+    """Also where a tick is under way in every frame."""
+    window.session.rate = rate
+    window.session.play()
+    window.frames(10, 1 / fps)
+    drawn = []
+    monkeypatch.setattr(window.canvas.painter, "repaint", drawn.append)
+    window.do("goal", [PlaceGoal(window.new_id(), "there", 20.0, 20.0, 3.0)])
+    window.frames(2, 1 / fps)
+    assert len(drawn) == 1
+
+
+def test_the_ground_stays_sharp_while_the_view_follows_the_herd(window):
+    def sharp():
+        picture = window.canvas.painter.tiles.image
+        return cv2.Laplacian(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), cv2.CV_64F).var()
+
+    window.session.play()
+    window.frames(30, 1 / 60)
+    still, begin = sharp(), np.median(window.session.view().xyz, axis=0)[:2]
+    window.toggle_follow()
+    window.frames(2, 1 / 60)
+    pixel = window.canvas.pixels(np.median(window.session.view().xyz, axis=0)[:2])
+    window.frames(120, 1 / 60)
+    assert sharp() > 0.4 * still
+    there = np.median(window.session.view().xyz, axis=0)[:2]
+    assert np.hypot(*(there - begin)) * window.canvas.camera.scale > 5.0  # pixels, which the view has gone along
+    assert np.abs(np.subtract(window.canvas.pixels(there), pixel)).max() < 2.0
 
 
 # paint, undo, save, open again ------------------------------------------------------------

@@ -52,7 +52,7 @@ def read_request(message) -> Request:
     if not (number is None or type(number) in (int, str)) or len(str(number)) > _ID:
         raise RequestError(f"id must be a whole number or a string of at most {_ID} characters")
     if len(request) != 1 or next(iter(request)) not in _ASKED:
-        raise RequestError(f"a request must have one of {', '.join(_ASKED)}", number)
+        raise RequestError(f"a request must have exactly one of {', '.join(_ASKED)}", number)
     try:
         return _request(number, **request)
     except ValueError as error:

@@ -61,7 +61,8 @@ class SketchMode(Mode):
 
     def freshen(self):
         sketch = self.state.sketch
-        self.count.say("no paths" if not sketch.paths else f"{len(sketch.paths)} birds, {sketch.frames} frames")
+        birds = f"{len(sketch.paths)} bird{'s' * (len(sketch.paths) > 1)}"
+        self.count.say("no paths" if not sketch.paths else f"{birds}, {sketch.frames} frames")
         chosen(self.speed, 0 if sketch.even else 1)
         self.smooth.set(sketch.smooth)
         if self.length is not None:
