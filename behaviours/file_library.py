@@ -63,6 +63,9 @@ class FileLibrary:
         self.folders = [Path(folder) for folder in folders]
         self._files = {name.replace("\\", "/").rsplit("/", 1)[-1]: data for name, data in (files or {}).items()}
 
+    def __repr__(self):
+        return f"<{type(self).__name__}: {', '.join(self.names())}>"
+
     def names(self) -> list[str]:
         """All names, sorted."""
         bases = {base for base in self._files if base.endswith(self.suffix)}

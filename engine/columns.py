@@ -143,6 +143,9 @@ class Table:
         }
         self.fields = {repr(f): f for f in sorted(self.arrays, key=repr)}  # in order of name
 
+    def __repr__(self):
+        return f"<Table: {self.count} animals, {len(self.fields)} columns such as {next(iter(self.fields), 'none')}>"
+
     @property
     def ids(self):
         """(n,) entity ids, ascending."""
@@ -160,7 +163,9 @@ class Table:
         try:
             return self.arrays[field][: self.count]
         except KeyError:
-            raise KeyError(f"this world has no column {field!r}") from None
+            own = getattr(field, "fields", None)  # of a whole component
+            hint = f"; write {next(iter(own.values()))!r}" if isinstance(own, dict) and own else ""
+            raise KeyError(f"this world has no column {field!r}{hint}") from None
 
     def row(self, entity):
         """The row of an agent, valid for this tick only."""

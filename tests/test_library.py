@@ -77,6 +77,10 @@ def test_objects_say_what_they_are(tmp_path):
             meadow.tick()
             recorder.take()
     assert repr(meadow) == "<Simulation meadow: 5 animals, tick 16 (0.5 s)>"
+    assert repr(meadow.agents).startswith("<Table: 5 animals, ")
+    assert repr(flockbrush.shipped()).startswith("<BrushLibrary: ") and ", march, " in repr(flockbrush.shipped())
+    with pytest.raises(KeyError, match="no column .*Position.*; write Position.xyz"):
+        meadow.agents[Position]
     run = flockbrush.open_recording(tmp_path / "walk.flock")
     assert repr(run) == f"<RecordedRun {run.path}: {run.header['level']}, 16 ticks (0.5 s), seed 3, 0 commands>"
 

@@ -54,7 +54,7 @@ def test_birds_that_come_late_are_drawn_while_they_are_there(tmp_path):
         ("frame,id,x,y,z\n1,1,2,3,4\n2,1,2,up,4\n", "f.csv:3: y: must be a finite number, at most 1e+12, got 'up'"),
         ("frame,time,id,x,y,z\n1,0,1,2,3,4\n2,0,1,2,3,4\n", "time does not increase"),
         ("frame,id,x,y,z\n", "no bird"),
-        ("", "--camera"),
+        ("", "f.csv: is empty"),
     ],
 )
 def test_what_is_no_flight_is_refused_in_words(tmp_path, text, said):

@@ -150,6 +150,7 @@ def test_the_flight_is_exported_under_the_name_that_is_typed(window, tmp_path):
     assert window.dialog.entry.get_text().endswith("tracks.flock.csv")
     window.dialog.entry.set_text(str(tmp_path / "flight.csv"))
     window.key("return")
+    window.run(frames=2)
     assert len((tmp_path / "flight.csv").read_text().splitlines()) == 1 + 50 * 11
 
 
@@ -157,6 +158,7 @@ def test_a_name_with_a_wrong_ending_is_told(window, tmp_path):
     window.key("s", "ctrl")
     window.dialog.entry.set_text(str(tmp_path / "flight.obj"))
     window.key("return")
+    window.run(frames=2)
     assert any("the file extension of a flight" in toast.text for toast in window.toasts.log)
 
 
