@@ -97,10 +97,10 @@ class Exports:
 
     def abandon(self, which=None):
         """Remove incomplete files: all, or some."""
-        for exporter, _ in self._pairs:
-            if which is None or exporter in which:
-                exporter.abandon()
-        self._pairs = [pair for pair in self._pairs if which is not None and pair[0] not in which]
+        which = [exporter for exporter, _ in self._pairs] if which is None else which
+        for exporter in which:
+            exporter.abandon()
+        self._pairs = [pair for pair in self._pairs if pair[0] not in which]
 
     def __enter__(self):
         return self
