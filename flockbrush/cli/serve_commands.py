@@ -13,6 +13,7 @@ from flockbrush.cli.run_options import ServeOptions
 from flockbrush.engine import limits
 from flockbrush.engine.files import output_problems
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.output.live.link import EVERYWHERE
 from flockbrush.output.live.serving import Serving
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
@@ -54,7 +55,10 @@ def _announce(service, link):
     if service.json:
         print_json({"address": link.address, "host": link.host, "port": link.port, "token": link.token})
     else:
-        print_line(f"{service.level}: {link.address}\nAnyone who has this address can control the herd. Ctrl-C stops.")
+        print_line(f"{service.level}: {link.address}")
+        if link.host in EVERYWHERE:
+            print_line(f"For other machines, put the address of this one in place of {EVERYWHERE[link.host]}.")
+        print_line("Anyone who has this address can control the herd. Ctrl-C stops.")
     sys.stdout.flush()
 
 

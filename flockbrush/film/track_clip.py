@@ -48,14 +48,17 @@ def _track(clip, out, seed_points, correct, reach, as_json):
     except ValueError as error:
         hint = "birds must be small, and darker or lighter than the sky"
         raise refused(clip, f"{error} in {frames} frames; {hint}") from None
-    write_text(Path(out), table_of(tracks))
+    kept = stopped and Path(out).exists()  # a part of a film replaces no earlier tracks
+    if not kept:
+        write_text(Path(out), table_of(tracks))
     seconds = time.perf_counter() - begin
     notes = [
         note for path, marks in zip((seed_points, correct), by_hand, strict=True) for note in _unused(path, marks, size)
     ]
     if stopped:
-        notes.append(f"stopped after {frames} frames; the tracks up to there are kept")
-    _tell(out, tracks, frames, seconds, stopped, notes, as_json)
+        told = f"{out} is still the earlier file" if kept else "the tracks up to there are kept"
+        notes.append(f"stopped after {frames} frames; {told}")
+    _tell(None if kept else str(out), tracks, frames, seconds, stopped, notes, as_json)
     return INTERRUPTED if stopped else 0
 
 
@@ -115,7 +118,7 @@ def _tell(out, tracks, frames, seconds, stopped, notes, as_json):
         "seconds": seconds,
         "stopped": stopped,
         "notes": notes,
-        "file": str(out),
+        "file": out,
     }
     if as_json:
         print_json(facts)
@@ -132,4 +135,5 @@ def _tell(out, tracks, frames, seconds, stopped, notes, as_json):
         say(f"note: {note}")
     if whole < len(tracks.ids):
         say("incomplete tracks are birds that entered, left or were lost; correct them with --correct FILE")
-    say(f"wrote {out}")
+    if out is not None:
+        say(f"wrote {out}")

@@ -350,6 +350,13 @@ class TestCommandLine:
         result = cli("serve", "meadow", "--host", "no.such.host.invalid", "--agents", "20")
         assert result.code == 1 and "no.such.host.invalid:0: this machine does not have this address" in result.err
 
+    def test_on_all_addresses_it_names_one_to_connect_to(self, tmp_path, cli):
+        result = cli("serve", "meadow", "--host", "0.0.0.0", "--agents", "20", "--seconds", "0")
+        assert result.code == 0, result.err
+        address, others = result.out.splitlines()[:2]
+        assert "ws://127.0.0.1:" in address and "put the address of this one in place of 127.0.0.1" in others
+        assert "other machines can connect" in result.err
+
     def test_a_recording_over_the_level_is_refused(self, cli, tmp_path):
         cli("level", "init", tmp_path)
         level = tmp_path / "first.tmj"

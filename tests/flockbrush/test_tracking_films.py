@@ -70,3 +70,8 @@ def test_what_was_followed_before_somebody_stops_it_is_kept(clip, tmp_path, caps
     assert "stopped after 20 frames" in capsys.readouterr().err
     with open(tmp_path / "t.csv") as file:
         assert {int(row["frame"]) for row in csv.DictReader(file)} == set(range(20))
+    earlier = "frame,id,x,y\n0,1,2,3\n"
+    (tmp_path / "t.csv").write_text(earlier)
+    assert called(["track", str(clip), "--out", str(tmp_path / "t.csv")]) == 130
+    assert "t.csv is still the earlier file" in capsys.readouterr().err
+    assert (tmp_path / "t.csv").read_text() == earlier

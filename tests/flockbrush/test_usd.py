@@ -1,6 +1,7 @@
 """USD scenes: read back by USD itself, judged by its validators, and opened in Blender where that is installed."""
 
 import json
+import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -344,6 +345,21 @@ def test_a_file_replaces_the_look_of_a_species(cli, recording, tmp_path, box, mo
         high = cache.ComputeWorldBound(prim.GetChild("Look")).ComputeAlignedRange().GetSize()[2]
         assert high == pytest.approx(scale[2], rel=0.01)
     assert np.allclose(scale, scale[0])  # it keeps its proportions
+
+
+def test_a_scene_finds_the_look_of_a_species_where_both_were_moved_to(cli, recording, tmp_path, box):
+    from pxr import Usd
+
+    own, there = tmp_path / "here/models/box.usda", tmp_path / "there"
+    own.parent.mkdir(parents=True)
+    shutil.copy(box, own)
+    done = cli("export", recording, "--to", own.parents[1] / "a.usda", "--fps", 4, "--prototype", f"sheep={own}")
+    assert done.code == 0, done.err
+    own.parents[1].rename(there)
+    assert complaints(there / "a.usda") == []
+    stage = Usd.Stage.Open(str(there / "a.usda"))
+    used = {Path(layer.realPath) for layer in stage.GetUsedLayers() if layer.realPath}
+    assert used == {there / "a.usda", there / "models/box.usda"}
 
 
 @pytest.mark.parametrize("text", ["sheep", "sheep=", "=x.usd", "sheep=nowhere.usd", "sheep={tmp}/text.usd"])

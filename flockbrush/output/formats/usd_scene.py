@@ -87,7 +87,7 @@ class UsdScene(Exporter):
         with _in_words(self.temporary.parent):
             if self._ground is not None:
                 self._paint(self._ground.late())
-            self._scene.finish()
+            self._scene.finish(self.path.parent)
         if self._picture is not None:
             write_bytes(self.beside(self.path)[0], self._picture)
         for name in self._later:

@@ -24,6 +24,7 @@ from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.output.live.messages import RequestError, read_request
 
 STALL = 10.0  # s without reading after which a client is cut off
+EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # what listens on all addresses, and one that leads there
 GREETING = 5.0  # s for a client to say what it wants
 _SEND_BUFFER = 1 << 18  # bytes that the system keeps for a client: more of them would be old frames
 
@@ -93,8 +94,9 @@ class Link:
 
     @property
     def address(self):
-        """The address to connect to, with the token."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
+        """The address to connect to, with the token; of a link on all addresses, for this machine."""
+        host = EVERYWHERE.get(self.host, self.host)
+        host = f"[{host}]" if ":" in host else host
         return f"ws://{host}:{self.port}/?token={self.token}"
 
     def start(self):

@@ -6,6 +6,7 @@ long, and scales make it as long as the animal.  Samples are handed to the file 
 
 from __future__ import annotations
 
+import os
 import warnings
 from pathlib import Path
 
@@ -77,8 +78,8 @@ class UsdStage:
         """Set a new picture of the ground from a frame on."""
         sample_ground(self._stage, texture, frame)
 
-    def finish(self):
-        """Complete the file."""
+    def finish(self, folder):
+        """Complete the file, which will lie in a folder: references to other files lead from there."""
         self._stage.SetStartTimeCode(0)
         self._stage.SetEndTimeCode(max(0, self.frames - 1))
         self._herd.finish()
@@ -90,8 +91,20 @@ class UsdStage:
         herd = self._stage.GetPrimAtPath(f"{ROOT}/Herd")
         for name, words in words_of(self.simulation).items():
             herd.SetCustomDataByKey(f"{name}_names", Vt.StringArray(list(words)))
-        self._layer.Save()
-        self._herd = self._obstacles = self._stage = self._layer = None
+        layer, files = self._layer, self._bodies.given.values()
+        self._bodies = self._herd = self._obstacles = self._stage = self._layer = None
+        for file in files:
+            layer.UpdateCompositionAssetDependency(os.path.abspath(file), _way(folder, file))
+        layer.Save()
+
+
+def _way(folder, file):
+    """The way from a folder to a file, as USD writes it; on another drive the whole path."""
+    try:
+        way = Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # Windows
+        return Path(os.path.abspath(file)).as_posix()
+    return way if way.startswith("../") else f"./{way}"
 
 
 def problems_of(prototypes) -> list[str]:
