@@ -5,8 +5,11 @@ from __future__ import annotations
 import shlex
 import shutil
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from flockbrush.behaviours.brush import SUFFIX, name_like
 from flockbrush.behaviours.tomlfile import parse_toml, read_bytes
@@ -85,9 +88,10 @@ class Book(StateStack):
         """Where a part is saved: "marks.toml", "obstacles.png", "tracks.csv", ..."""
         return self.folder / f"{self.stem}.{part}"
 
-    def learn_line(self) -> str:
-        """The command that learns from this film with all that was marked."""
-        marks, words = self.state.marks, ["flockbrush", "learn", str(self.film.path or self.film.name)]
+    def learn_line(self, state=None) -> str:
+        """The command that learns from this film with all that was marked, now or in another state."""
+        state = self.state if state is None else state
+        marks, words = state.marks, ["flockbrush", "learn", str(self.film.path or self.film.name)]
         words += ["--out", name_like(self.stem) + SUFFIX]
         if marks.first is not None or marks.last is not None:
             last = len(self.film) - 1 if marks.last is None else marks.last
@@ -98,27 +102,45 @@ class Book(StateStack):
             words += ["--body-colour", ",".join(map(str, marks.body_colour))]
         if marks.body_length is not None:
             words += ["--body-length-px", f"{marks.body_length:.1f}"]
-        for part, layer in (("obstacles", self.state.obstacles), ("regions", self.state.regions)):
+        for part, layer in (("obstacles", state.obstacles), ("regions", state.regions)):
             if not layer.blank:
                 words += [f"--{part}", str(self.place(f"{part}.png"))]
         return shlex.join(words)
 
-    def lift_line(self, camera=None) -> str:
-        """The command that lifts the birds that were saved, empty when there are none."""
-        parts = [self.place(part) for part in ("tracks.csv", "sketch.csv") if self.place(part).is_file()]
-        if not parts:
-            return ""
-        camera = self.place("camera.toml") if camera is None else camera
-        return shlex.join(
-            ["flockbrush", "lift", str(parts[0]), "--camera", str(camera), "--out", str(self.place("flock.csv"))]
-        )
+    @property
+    def learns(self) -> bool:
+        """Whether what was saved is for `flockbrush learn`, and not only for lifting."""
+        marks, obstacles, regions, birds, sketch = self.saved
+        masks = not (obstacles.blank and regions.blank)
+        return masks or marks != ClipMarks() or not (birds.ids or sketch.paths)
+
+    def lift_lines(self, camera=None) -> list[str]:
+        """The commands that lift the birds and the sketch that were saved; none without a camera."""
+        camera = self.place("camera.toml") if camera is None else Path(camera)
+        ends = {"tracks.csv": "flock.csv", "sketch.csv": "sketch-flock.csv"}
+        saved = [part for part in ends if self.place(part).is_file()] if camera.is_file() else []
+        out = ends if len(saved) > 1 else dict.fromkeys(ends, "flock.csv")
+        return [
+            shlex.join(
+                [
+                    "flockbrush",
+                    "lift",
+                    str(self.place(part)),
+                    "--camera",
+                    str(camera),
+                    "--out",
+                    str(self.place(out[part])),
+                ]
+            )
+            for part in saved
+        ]
 
     # files ------------------------------------------------------------------------------------
 
     def save(self) -> list[Path]:
         """Write everything there is, each file whole or not at all; which files.
 
-        A file that was there before and is not ours is kept beside as ``.bak``.
+        A file that was there before and is not ours is kept beside as ``.bak``, ``.bak1`` and so on.
 
         Raises
         ------
@@ -151,7 +173,8 @@ class Book(StateStack):
 
     def _spare(self, path):
         if path not in self._ours and path.exists():
-            shutil.copy2(path, path.with_name(path.name + ".bak"))
+            places = (path.with_name(f"{path.name}.bak{k or ''}") for k in count())
+            shutil.copy2(path, next(place for place in places if not place.exists()))
 
     def text(self) -> str:
         """The marks as TOML."""
@@ -180,14 +203,23 @@ class Book(StateStack):
         return "\n".join(lines) + "\n"
 
     def load(self, tracks=None, say=lambda text: None):
-        """Take up what was saved before, and tracks from a file instead of those saved, if given.
+        """Take up what was saved before, and tracks from a file if none were saved.
 
         Raises
         ------
         ProblemsError
-            With file and line of what is wrong.
+            With file and line of what is wrong; where tracks are given and others were saved; where what was saved is
+            of another film.
         """
-        state = self.state
+        state, place = self.state, self.place("tracks.csv")
+        if tracks is not None and place.is_file():
+            if not place.samefile(tracks):
+                raise refused(
+                    tracks,
+                    f"tracks of this film were saved in {place} before: leave out --tracks to go on with these, or "
+                    "choose another folder with --out to begin with others",
+                )
+            tracks = None
         birds = self._birds(tracks)
         marks, sketch, pending = state.marks, state.sketch, None
         path = self.place("marks.toml")
@@ -219,6 +251,7 @@ class Book(StateStack):
                 raise refused(
                     path, f"has frames {trajectories.first} to {last}; the clip has frames 0 to {len(self.film) - 1}"
                 )
+            self._in_picture(path, trajectories)
             birds = Birds.of(trajectories, len(self.film))
             self._ours.add(path)
         if tracks is None and corrections.is_file():
@@ -226,10 +259,26 @@ class Book(StateStack):
             self._ours.add(corrections)
         return birds
 
+    def _in_picture(self, path, tracks):
+        """ProblemsError where most sights of a bird are outside the picture: they are of another film."""
+        size, seen = np.array(self.film.size), tracks.seen
+        away = ((tracks.px < 0) | (tracks.px > size)).any(-1) & seen
+        if away.sum() > 0.5 * seen.sum():
+            row, bird = np.argwhere(away)[0]
+            x, y = tracks.px[row, bird]
+            raise refused(
+                path,
+                f"frame {tracks.first + row}: bird {tracks.ids[bird]} is at {x:.0f}, {y:.0f}, outside the picture of "
+                f"{size[0]} x {size[1]} pixels, as most birds are; are these tracks of another film?",
+            )
+
     def _read(self, path):
         """(Marks, Sketch, frame that is pending) of a file that was saved before."""
         file = parse_toml(read_bytes(path, limits.MARKED_FILM_BYTES), str(path), limits.MARKED_FILM_BYTES)
         data, frames = file.data, len(self.film)
+        if data.get("clip", self.film.name) != self.film.name:
+            message = f"has marks of {data['clip']!r}, not of {self.film.name!r}; choose another folder with --out"
+            raise ProblemsError([file.problem(("clip",), message)])
         try:
             landmarks = tuple(
                 Landmark(int(row["frame"]), *map(float, row["box"])) for row in data.get("landmark", [])[:MOST]

@@ -17,6 +17,7 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.film.fields_file import damage, flat, packed, part_of, read, unpacked, write
 from flockbrush.film.pair_density import RINGS, pairs_scaled
+from flockbrush.film.path_smoothing import PathSmoothing
 from flockbrush.film.speeds import SpeedEvidence, speed_evidence
 
 
@@ -293,6 +294,7 @@ class Evidence:
     # direction and rad
     place_noise: float = 0.0
     heading_noise: float = 0.0
+    smoothing: PathSmoothing | None = None  # of positions from a file of tracks
     # {"px", "m", "bl"}; of ``body_length_px``: pixels of a film, or the unit of a file of tracks
     length_unit: str = "px"
     start: float = 0.0  # s, time of the first frame
@@ -353,6 +355,7 @@ class Evidence:
             fields=self.fields.scaled(by),
             sightings=None if self.sightings is None else self.sightings.scaled(by),
             speed=None if self.speed is None else self.speed.scaled(by),
+            smoothing=None if self.smoothing is None else self.smoothing.scaled(by),
             to_pixels=None
             if self.to_pixels is None
             else np.column_stack([self.to_pixels[:, :2] / by, self.to_pixels[:, 2]]),
@@ -367,10 +370,10 @@ class Evidence:
             When the file cannot be written.
         """
         arrays = flat("fields", self.fields)
-        for name in ("sightings", "speed"):
+        for name in ("sightings", "speed", "smoothing"):
             if getattr(self, name) is not None:
                 arrays |= flat(name, getattr(self, name))
-        arrays |= flat("clip", self, leave=("fields", "sightings", "speed", "picture", "notes"))
+        arrays |= flat("clip", self, leave=("fields", "sightings", "speed", "smoothing", "picture", "notes"))
         arrays["clip.notes"] = np.array(json.dumps(self.notes))
         if self.picture is not None:
             arrays["clip.picture"] = packed(self.picture)
@@ -394,6 +397,8 @@ class Evidence:
                 parts["sightings"] = Sightings(**part_of(data, "sightings"))
             if "speed.mean" in data:
                 parts["speed"] = SpeedEvidence.of_arrays(part_of(data, "speed"))
+            if "smoothing.noise" in data:
+                parts["smoothing"] = PathSmoothing(**part_of(data, "smoothing"))
             clip = part_of(data, "clip")
             clip["notes"] = [str(note) for note in json.loads(str(clip["notes"]))]
             if "picture" in clip:

@@ -21,6 +21,7 @@ from flockbrush.film.arena import Arena, beyond, lines_of, ring, wall_of
 from flockbrush.film.cell_statistics import cell_statistics
 from flockbrush.film.missing_animals import missing_places, neighbours_seen
 from flockbrush.film.observations import CannotObserve, Evidence, Fields, Sightings
+from flockbrush.film.path_smoothing import PathSmoothing, headings_of, held
 from flockbrush.film.several_kinds import speeds_told
 from flockbrush.film.speeds import speed_evidence
 from flockbrush.film.track_files import Trajectories
@@ -93,6 +94,7 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30, aren
         name=tracks.name, sha256=tracks.sha256, fps=tracks.fps, body_length_px=float(length), length_source="given",
         radius_bl=RADIUS, fields=fields, sightings=sightings, speed=speed, notes=notes,
         place_noise=motion.place_noise, heading_noise=motion.heading_noise, length_unit=tracks.unit, start=tracks.start,
+        smoothing=motion.smoothing,
     )  # fmt: skip
     return _drawable(evidence)
 
@@ -150,12 +152,11 @@ class _Motion:
     velocity: np.ndarray  # (T, P, 2) BL/s
     angle: np.ndarray  # (T, P) rad, unwrapped
     turn: np.ndarray  # (T, P) rad/s; NaN unknown
-    noise: float  # BL, of the places in the file
+    smoothing: PathSmoothing
     place_noise: float
     heading_noise: float
     window: float  # s over which speeds are averages
     errors: np.ndarray  # (k,) covariances of the errors of speeds so many frames apart, BL²/s²
-    slow: float  # BL/s, below which directions of motion say nothing
     headless: np.ndarray  # (P,) bool: no heading was ever observed
 
     @classmethod
@@ -166,7 +167,11 @@ class _Motion:
         off, other = again - paths.px, central_differences(again) * fps
         speed = np.hypot(velocity[..., 0], velocity[..., 1])
         slow = max(SLOW * _spread(other - velocity), SLOWEST * float(np.nanquantile(speed, 0.9)), 1e-9)
-        angle, sure = _headings(pieces, velocity, slow)
+        if pieces.heading is None:
+            angle, sure = headings_of(velocity, slow, np.arctan2(velocity[..., 1], velocity[..., 0]))
+        else:
+            there, known = np.isfinite(velocity[..., 0]), np.isfinite(pieces.heading)
+            angle, sure = held(pieces.heading, there, known, np.arctan2(velocity[..., 1], velocity[..., 0]))
         apart = _wrapped(np.arctan2(other[..., 1], other[..., 0]) - np.arctan2(velocity[..., 1], velocity[..., 0]))
         fast = speed > slow
         turn = np.where(sure, central_differences(angle) * fps, np.nan)
@@ -174,9 +179,10 @@ class _Motion:
         wrong = ((other - velocity) * np.stack([np.cos(angle), np.sin(angle)], -1)).sum(-1)
         lags = range(min(len(wrong), round(2 * window * fps)))
         errors = np.nan_to_num([np.nanmean(wrong[: len(wrong) - k] * wrong[k:]) for k in lags])
+        smoothing = PathSmoothing(paths.stiffness, paths.noise, slow, pieces.heading is None)
         return cls(
-            paths.px, velocity, angle, turn, paths.noise, _spread(off),
-            float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window), errors, slow,
+            paths.px, velocity, angle, turn, smoothing, _spread(off),
+            float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window), errors,
             ~sure.any(0),
         )  # fmt: skip
 
@@ -197,29 +203,6 @@ def _spread(values):
 
 def _wrapped(angle):
     return (angle + np.pi) % (2 * np.pi) - np.pi
-
-
-def _headings(pieces, velocity, slow):
-    """Heading angle (T, P), rad, unwrapped, and whether it was observed (T, P).
-
-    From the file if it has headings, else from the direction of motion; below the speed `slow` the last heading is
-    kept.
-    """
-    there = np.isfinite(velocity[..., 0])
-    if pieces.heading is not None:
-        angle, sure = pieces.heading.copy(), np.isfinite(pieces.heading)
-    else:
-        angle = np.arctan2(velocity[..., 1], velocity[..., 0])
-        sure = there & (np.hypot(velocity[..., 0], velocity[..., 1]) > slow)
-    out = np.full(angle.shape, np.nan)
-    for k in range(angle.shape[1]):
-        rows, known = np.flatnonzero(there[:, k]), np.flatnonzero(there[:, k] & sure[:, k])
-        if not len(known):  # never faster than its noise: any direction is as good
-            known = rows[:1]
-            angle[known, k] = np.nan_to_num(np.arctan2(velocity[known, k, 1], velocity[known, k, 0]))
-        nearest = known[np.clip(np.searchsorted(known, rows, side="right") - 1, 0, None)]
-        out[rows, k] = np.unwrap(angle[nearest, k])
-    return out, sure & there
 
 
 def _missing_places(tracks, pieces, motion, length):
@@ -301,7 +284,7 @@ def _notes(tracks, pieces, motion, length):
     yield from _jumps(tracks, length)
     yield (
         f"from tracks: positions are smoothed over about {motion.window:.2g} s; "
-        f"their noise is {motion.noise * length:.2g} {tracks.unit}"
+        f"their noise is {motion.smoothing.noise * length:.2g} {tracks.unit}"
     )
     if pieces.leaps:
         row, animal = pieces.leaps[0]
@@ -322,16 +305,16 @@ def _notes(tracks, pieces, motion, length):
         )
     if tracks.heading is not None:
         apart = _wrapped(motion.angle - np.arctan2(motion.velocity[..., 1], motion.velocity[..., 0]))
-        apart = apart[np.hypot(*np.moveaxis(motion.velocity, -1, 0)) > motion.slow]
+        apart = apart[np.hypot(*np.moveaxis(motion.velocity, -1, 0)) > motion.smoothing.slow]
         if len(apart) and np.median(np.abs(apart)) > ASIDE:
             yield (
                 f"animals move {math.degrees(np.median(np.abs(apart))):.0f} degrees aside of their headings, in the "
                 "median: headings are in radians, counter-clockwise from x"
             )
     else:
-        slow = np.hypot(*motion.velocity[np.isfinite(motion.velocity).all(-1)].T) < motion.slow
+        slow = np.hypot(*motion.velocity[np.isfinite(motion.velocity).all(-1)].T) < motion.smoothing.slow
         yield (
-            f"headings are directions of motion; below {motion.slow * length:.2g} {tracks.unit}/s, as in "
+            f"headings are directions of motion; below {motion.smoothing.slow * length:.2g} {tracks.unit}/s, as in "
             f"{slow.mean():.0%} of all sights, an animal keeps its last heading"
         )
         if motion.headless.any():

@@ -224,6 +224,23 @@ def smoothed(tracks: Tracks, stiffness: float | None = None) -> Smoothed:
     return Smoothed(out, chosen, math.sqrt(residual / freedom), max(int(span.gaps.max()) for span in spans) - 1)
 
 
+def smoothed_alike(px, stiffness: float) -> np.ndarray:
+    """Paths (F, N, 2) smoothed as `smoothed` does with a known stiffness; NaN before and after an animal is there."""
+    px, out = np.asarray(px, float), np.full(np.shape(px), np.nan)
+    there = np.isfinite(px).all(-1)
+    whole = there.all(0)
+    if whole.any():  # they share the smoother
+        y = px[:, whole].reshape(len(px), -1)
+        centre = y.mean(0)
+        solved = solveh_banded(_system(np.ones(len(y)), stiffness), y - centre, check_finite=False)
+        out[:, whole] = (solved + centre).reshape(len(px), -1, 2)
+    for n in np.flatnonzero(~whole & there.any(0)):
+        span = _Span.of(Tracks(px, np.arange(px.shape[1])), n)
+        fit, _ = span.fit(stiffness)
+        out[span.start : span.start + len(fit), n] = fit
+    return out
+
+
 @dataclass
 class _Span:
     """One bird from its first to its last sight."""
@@ -245,15 +262,20 @@ class _Span:
 
     def fit(self, stiffness):
         """The smooth path (F, 2), px, and the trace of the smoother."""
-        length = len(self.y)
-        bands = stiffness * _third_differences(length)
-        bands[-1] += self.weight
-        bands[-1] += 1e-12 * (1 + stiffness)  # a path of three sights with a gap is not held by the rest
+        bands = _system(self.weight, stiffness)
         centre = self.y[self.weight > 0].mean(0)
         sides = np.hstack([(self.y - centre) * self.weight[:, None], self.probes * self.weight[:, None]])
         solved = solveh_banded(bands, sides, check_finite=False)
         trace = float((self.probes * solved[:, 2:]).sum() / self.probes.shape[1])
         return solved[:, :2] + centre, min(trace, float(self.weight.sum()))
+
+
+def _system(weight, stiffness):
+    """The equations of the smoother in upper banded form, for weights (F,) of the sights."""
+    bands = stiffness * _third_differences(len(weight))
+    bands[-1] += weight
+    bands[-1] += 1e-12 * (1 + stiffness)  # a path of three sights with a gap is not held by the rest
+    return bands
 
 
 @cache

@@ -159,11 +159,31 @@ def seen_run(run: Run, clip: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarr
     inside = in_picture(run, clip.fields)
     frame = np.repeat(np.arange(len(run)), np.diff(run.first))[inside]
     rng = np.random.default_rng(len(frame))
+    first = np.searchsorted(frame, np.arange(len(run) + 1))
+    if clip.smoothing is not None and _as_often(run, clip):
+        return first, *_smoothed_run(run, inside, frame, clip, rng), run.ids[inside]
     xy = run.xy[inside] + clip.place_noise * rng.normal(size=(len(frame), 2))
     angle = np.arctan2(run.forward[inside, 1], run.forward[inside, 0])
     angle = angle + clip.heading_noise * rng.normal(size=len(frame))
-    first = np.searchsorted(frame, np.arange(len(run) + 1))
     return first, xy, np.column_stack([np.cos(angle), np.sin(angle)]), run.ids[inside]
+
+
+def _as_often(run, clip):
+    """Whether a run is observed at the frame rate of the clip."""
+    return len(run) > 1 and abs((run.times[1] - run.times[0]) * clip.fps - 1.0) < 1e-6
+
+
+def _smoothed_run(run, inside, frame, clip, rng):
+    """Positions and headings (m, 2) of those inside, observed as a file of tracks is."""
+    names, who = np.unique(run.ids[inside], return_inverse=True)
+    xy, angle = np.full((len(run), len(names), 2), np.nan), np.full((len(run), len(names)), np.nan)
+    xy[frame, who] = run.xy[inside]
+    angle[frame, who] = np.arctan2(run.forward[inside, 1], run.forward[inside, 0])
+    if not clip.smoothing.by_motion:
+        angle += clip.heading_noise * rng.normal(size=angle.shape)
+    xy, angle = clip.smoothing.observed(xy, angle, clip.fps, rng)
+    angle = angle[frame, who]
+    return xy[frame, who], np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _of_view(view, fps, every):

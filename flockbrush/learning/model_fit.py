@@ -11,6 +11,7 @@ import numpy as np
 
 from flockbrush.behaviours.behaviour import Behaviour, behaviours
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
+from flockbrush.behaviours.models.herd import Params
 from flockbrush.behaviours.wander import lasting
 from flockbrush.engine.files import refused
 from flockbrush.film.observations import Evidence
@@ -19,12 +20,13 @@ from flockbrush.learning.confounding import correlation_of
 from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.learned_parameters import Attempt, Learned
-from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, scales_of
+from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, read, scales_of
 from flockbrush.learning.model_search import CHANCE, STEP, WIDE_STEP, ModelSetting, first_shape, refined, speed_by
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import LEAST, MOST, NAMES, theta_of
 from flockbrush.learning.simulate import simulated
+from flockbrush.learning.trials import answer_step
 from flockbrush.learning.turns import FREEDOM, cramer_rao, thinned
 from flockbrush.learning.which_model import ModelRow, TurnBlocks, likeliest
 from flockbrush.learning.workers import WorkStopped
@@ -111,12 +113,24 @@ def learned_model(
     start, stopped = Attempt(name, seed, begin, begin), False
     try:
         if not quick:
+            begin = place(given.numbers, answering(given, kind, params, seed))
             begins = [begin, *(place(given.numbers, part) for part in parts)]
             start = refined(given, begins, name, seed, shape=shape, jobs=jobs, stop=stop, say=say, hopeless=hopeless)
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
     x = start.theta[: len(told)]
     return _as_learned(kind, given, told, x, _information(slopes, x)[0], start, stopped)
+
+
+def answering(given: ModelSetting, kind: Likelihood, params, seed: int):
+    """The parameters, changed so that herds answer to their neighbours as the animals of the clips do (one step)."""
+    step = answer_step(given, place(given.numbers, params), {}, seed)
+    if step is None:
+        return params
+    if type(params) is Params:
+        values = np.clip(theta_of(params)[: len(step)] + step, LEAST, MOST)
+        return params.model_copy(update=dict(zip(NAMES, values.tolist(), strict=False)))
+    return params.model_copy(update=read(kind.numbers, np.clip(place(kind.numbers, params) + step, 0.0, 1.0)))
 
 
 def with_wander(params, wander: float):

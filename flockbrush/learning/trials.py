@@ -216,17 +216,25 @@ def wandering(given: Setting, theta, extras, seed):
 
 
 def _answering(given, theta, extras, seed):
-    """The numbers, changed so that herds turn in answer to their neighbours as the animals of the clips do."""
-    theta, brush, steps = np.array(theta, float), given.brush(theta, extras), []
+    """The numbers of a herd, changed by `answer_step`."""
+    theta, step = np.array(theta, float), answer_step(given, theta, extras, seed)
+    if step is not None:
+        theta[:9] = np.clip(theta[:9] + np.where(_free(given)[:9], step, 0.0), LEAST, MOST)
+    return theta.tolist()
+
+
+def answer_step(given: Setting, theta, extras, seed) -> np.ndarray | None:
+    """By how much to change numbers so that herds answer to their neighbours as the animals of the clips do.
+
+    Of the numbers that `flockbrush.learning.response` knows of the model; None if too few turns are seen.
+    """
+    brush, steps = given.brush(theta, extras), []
     for k, clip in enumerate(_beginning(clip) for clip in given.seen):
         how = clip, brush.params, brush.speed, given.body, brush.vision
         runs = [simulate(*how, [seed, k, 4 + run], dt=COARSE_DT) for run in range(ANSWERS)]
         steps.append(correction(clip, brush, runs, _turns_seen(clip, brush)))
     known = [step for step in steps if step is not None]
-    if known:
-        step = np.where(_free(given)[:9], np.mean(known, axis=0), 0.0)
-        theta[:9] = np.clip(theta[:9] + step, LEAST, MOST)
-    return theta.tolist()
+    return np.mean(known, axis=0) if known else None
 
 
 def _beginning(clip):

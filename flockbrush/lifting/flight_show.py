@@ -280,30 +280,32 @@ class Show:
             raise refused(self.name, f"frame {frame}: the birds do not fly in a line formation: {why}")
         return formation
 
-    def formation_level(self, k, path) -> Path:
-        """Write a brush as `formation_brush` and a level in which birds fly with it; returns the level's path.
+    @staticmethod
+    def formation_files(path) -> tuple[Path, Path]:
+        """Where `formation_level` writes: the brush, in the folder ``brushes`` where levels look for it, and the level."""
+        path = Path(path)
+        folder = path.parent.parent if path.parent.name == "brushes" else path.parent
+        return folder / "brushes" / path.name, folder / f"{path.name.removesuffix('.brush.toml')}.tmj"
 
-        The brush goes into the folder ``brushes`` there, where levels look for brushes.
-        """
+    def formation_level(self, k, path) -> Path:
+        """Write a brush as `formation_brush` and a level in which birds fly with it; returns the level's path."""
         from flockbrush.levels.sketch import LevelSketch
 
-        path = Path(path)
-        name = path.name.removesuffix(".brush.toml")
-        folder = path.parent.parent if path.parent.name == "brushes" else path.parent
-        (folder / "brushes").mkdir(exist_ok=True)
-        with claimed([folder / "brushes" / path.name]):
-            self.formation_brush(k, folder / "brushes" / path.name)
+        brush, level = self.formation_files(path)
+        brush.parent.mkdir(exist_ok=True)
+        with claimed([brush]):
+            self.formation_brush(k, brush)
         sky = LevelSketch(120, 40, 10.0, ".", boundary="despawn")
         sky.document.data["tilesets"] = []
         count = len(self.there(k))
         side = float(np.clip(6.0 * np.sqrt(count), 20, 300))
         middle = 0.5 * sky.height
         sky.box(
-            "Spawn", 160, middle, side, side, "flock", species="goose", brush=name, count=count, heading="east",
+            "Spawn", 160, middle, side, side, "flock", species="goose", brush=level.stem, count=count, heading="east",
             altitude=50,
         )  # fmt: skip
         sky.draw("Key", [(600, middle)], "on", at=0, command="Migrate", x=1e5, y=middle, z=50, species="goose")
-        return sky.save(folder / f"{name}.tmj")
+        return sky.save(level)
 
     def formation_brush(self, k, path, like="geese") -> str:
         """Write a brush of the formation of frame k; returns a sentence about it.  The caller has claimed the file.

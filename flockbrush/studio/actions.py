@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pygame
 
+from flockbrush.behaviours.program import SUFFIX
 from flockbrush.engine.commands import from_record
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import ProblemsError
@@ -404,15 +405,35 @@ class AppActions:
         """Ask for a text and call a function with it."""
         self.ask(title, question, [("OK", on_ok), ("Cancel", None)], default)
 
+    def ask_for_program(self, program, then=lambda: None):
+        """Ask for a folder and write a program there; call `then` afterwards."""
+
+        def save(folder):
+            path = self.session.save_program(program, folder)
+            self.tell()
+            return path is not None and then()
+
+        self.ask_text("Save program", f"Folder for {program.name}{SUFFIX}:", str(self.session.program_folder), save)
+
     @property
     def unsaved(self):
         """A sentence about what is not saved, "" when everything is."""
-        return f"{self.level_name()} has unsaved changes." if self.session.dirty else ""
+        parts = [self.level_name()] if self.session.dirty else []
+        parts += [f"the program {program.name}" for program in self.session.unsaved_programs()]
+        return f"There are unsaved changes of {' and '.join(parts)}." if parts else ""
 
     def _save_and_quit(self):
-        if self.session.lent:
-            self.save_as(then=self.quit)
-        elif self._save(None):
+        """Save the level, then each program that was changed, and quit if all of that was done."""
+        if self.session.dirty:
+            if self.session.lent:
+                self.save_as(then=self._save_and_quit)
+            elif self._save(None):
+                self._save_and_quit()
+            return
+        programs = self.session.unsaved_programs()
+        if programs:
+            self.ask_for_program(programs[0], self._save_and_quit)
+        else:
             self.quit()
 
 

@@ -21,7 +21,8 @@ from flockbrush.studio.theme import chrome, px
 from flockbrush.studio.widgets import NO_MARGINS, icon_button, set_icon, words
 from flockbrush.studio.window import Window
 
-HINT = "Drag: orbit   Right drag: move   Wheel: zoom   Click: select a bird   Space: play   C: camera view"
+HINT = "Drag: orbit   Right drag: move   Wheel: zoom   Click: select a bird   Space: play"
+FROM_CAMERA = "   C: camera view"
 STILL = 4  # pixels: a shorter way of the mouse is a click
 TRAIL = 2.0  # s
 SETTLE = 0.25  # s after the last move of a slider until all frames are solved
@@ -115,7 +116,8 @@ class LiftWindow(Window):
             track, self.k, (0, len(self.show) - 1), self.manager, back, object_id="@slider", click_increment=1
         )
         below = pygame.Rect(px(self.scale, 10), px(self.scale, 42), rect.width - px(self.scale, 20), px(self.scale, 20))
-        self.hint = words(self, below, HINT, back, "@note")
+        hint = HINT + FROM_CAMERA * (self.show.camera is not None)
+        self.hint = words(self, below, hint, back, "@note")
 
     def _build_column(self, rect):
         column = self.column = ClipColumn(self, rect)
@@ -361,7 +363,9 @@ class LiftWindow(Window):
         if lens is None:
             return
         far = 0.4 * float(np.nanmedian(self.show.flight.xyz[..., 1]))
-        fov = 2 * np.arctan(0.5 * lens.height / lens.focal * 1.06)
+        wide, high = self.area.size
+        shown = max(lens.height, lens.width * high / wide)  # pixels of the film over the height of this picture
+        fov = 2 * np.arctan(0.5 * shown / lens.focal * 1.06)
         view, floor = self.painter.view, self.show.floor
         target, north = (0.0, far, 0.0), np.pi / 2
         self.look_from(OrbitCamera(target, far, north, 0.0, tuple(self.area.size), view, fov=fov, floor=floor))
@@ -404,9 +408,21 @@ class LiftWindow(Window):
         self.ask("Export", question, [("Write", self._export), ("Cancel", None)], name)
 
     def _export(self, path):
-        self.guarded(self._finish_solving)
-        self.show.export(path)
-        self.toasts.say(f"wrote {path}")
+        def write():
+            self.guarded(self._finish_solving)
+            self.show.export(path)
+            self.toasts.say(f"wrote {path}")
+
+        self._replacing([path], write)
+
+    def _replacing(self, paths, write):
+        """Write files; where some are there already, ask first."""
+        there = [str(path) for path in map(Path, paths) if path.exists()]
+        if not there:
+            write()
+            return
+        question = f"{' and '.join(there)} already exist{'s' * (len(there) == 1)}."
+        self.ask("Replace?", question, [("Replace", lambda: self.guarded(write)), ("Cancel", None)])
 
     def _finish_solving(self):
         """What is kept is solved in all its frames."""
@@ -431,18 +447,23 @@ class LiftWindow(Window):
         dialog.answers[list(dialog.answers)[1]] = lambda: self._fly(dialog.entry.get_text().strip())
 
     def _brush(self, path):
-        self.guarded(self._finish_solving)
-        with claimed([path]):
-            self.toasts.say(self.show.formation_brush(self.k, path))
+        def write():
+            self.guarded(self._finish_solving)
+            with claimed([path]):
+                self.toasts.say(self.show.formation_brush(self.k, path))
+
+        self._replacing([path], write)
 
     def _fly(self, path):
         """Write brush and level, and show that in place of the flight until it is closed."""
+        self._replacing(self.show.formation_files(path), lambda: self._write_and_play(path))
+
+    def _write_and_play(self, path):
         from flockbrush.studio.start import StartOptions, opening_of
 
         self.guarded(self._finish_solving)
         level = self.show.formation_level(self.k, path)
-        brush = level.name.removesuffix(".tmj")
-        options = StartOptions(str(level), brush, theme=self.theme.name)
+        options = StartOptions(str(level), level.stem, theme=self.theme.name)
         self.open_over(opening_of(options, self.screen.get_size()))
 
 

@@ -61,6 +61,7 @@ class Session(TickRunner, SessionFiles):
         self.timeline.tell = lambda text: self._say("warning", text)
         self.library = timeline.current.beginning.library
         self._file = LevelFile(self.path)
+        self._saved_programs = {program.source for program in self.level.programs.values()}
         self.playing = False
         self.lent = self.path.resolve().parent == running.SHIPPED.resolve()
         self._goal: int | None = None  # the tick we are scrubbing to

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flockbrush.behaviours.brush import SUFFIX, Brush, save_brush
+from flockbrush.behaviours.program import Program, save_program, shipped_programs
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
@@ -25,6 +26,7 @@ from flockbrush.runs import run as running
 from flockbrush.studio.branches import Beginning, plain_name
 from flockbrush.studio.history import History
 from flockbrush.studio.recovery import RecoveryFolder
+from flockbrush.systems.programs import Programs
 
 AUTOSAVE_SECONDS = 1.0  # s; what a crash may take at most
 LITTLE_ROOM = 60  # minutes of the run that a disk has room for; with less, who records is warned
@@ -170,6 +172,7 @@ class SessionFiles:
             self.library = before
             raise
         self._file = LevelFile(self.path, level.files[level.path.name])
+        self._saved_programs |= {program.source for program in level.programs.values()}
 
     # brushes ---------------------------------------------------------------------
 
@@ -207,6 +210,38 @@ class SessionFiles:
                 self._say("info", f"{folder / PROJECT_FILE}: {message}")
         except (ProblemsError, OSError) as error:
             self._say("warning", f"Tiled does not show the brush: {error}")
+
+    # programs --------------------------------------------------------------------
+
+    def unsaved_programs(self) -> list[Program]:
+        """Programs of the world that were changed here, as no file has them."""
+        shipped = shipped_programs()
+        sources = self._saved_programs | {shipped.get(name).source for name in shipped.names()}
+        programs = self.simulation.world.resource(Programs).programs
+        return [program for program in programs if program.source not in sources]
+
+    @property
+    def program_folder(self) -> Path:
+        """The folder that is offered for programs: beside the level, or here if its folder is not the designer's."""
+        return (Path.cwd() if self.lent else self.path.parent) / "programs"
+
+    def save_program(self, program, folder):
+        """Write a program's file, in place of none that is there; the path, or None and a notice."""
+        folder = Path(os.path.abspath(Path(folder).expanduser()))
+        try:
+            if folder.resolve().is_relative_to(running.SHIPPED.resolve()):
+                raise refused(folder, "is part of Flockbrush and cannot be changed; choose another folder")
+            folder.mkdir(exist_ok=True)
+            path = save_program(program, folder)
+        except ProblemsError as error:
+            self._say("error", str(error.problems[0]))
+            return None
+        except OSError as error:
+            self._say("error", f"{folder}: {error.strerror or error}")
+            return None
+        self._saved_programs.add(program.source)
+        self._say("info", f"saved {path}")
+        return path
 
     # the run ------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import typer
@@ -50,6 +51,7 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
         raise refused(folder, "is a file; --out must be the folder for all output files")
     if not folder.exists() and not folder.parent.is_dir():
         raise refused(folder, f"there is no folder {str(folder.parent)!r}")
+    _writable(folder)
     lens = None if camera is None else read_camera(camera)
     with Interrupts() as interrupts, compiling():
         film = _opened(clip, lens)
@@ -73,6 +75,21 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
     return 0
 
 
+def _writable(folder):
+    """ProblemsError where nothing can be saved in a folder; one that is not there yet stays so."""
+    new = not folder.exists()
+    try:
+        folder.mkdir(exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        if new:
+            folder.rmdir()
+    except OSError as error:
+        raise refused(
+            folder, f"nothing can be saved here: {error.strerror}; choose another folder with --out"
+        ) from None
+
+
 def _opened(clip, lens):
     """The film, or an empty sky of the camera's size."""
     if str(clip) == SKY and not Path(clip).exists():
@@ -82,8 +99,8 @@ def _opened(clip, lens):
 
 
 def _tell_next(book, camera):
-    """Print the command that goes on from what was marked."""
-    if line := book.lift_line(camera):
+    """Print the commands that go on from what was saved."""
+    if book.film.path is not None and book.place("marks.toml").is_file() and book.learns:
+        say(book.learn_line(book.saved))
+    for line in book.lift_lines(camera):
         say(line)
-    elif book.place("marks.toml").is_file() and book.film.path is not None:
-        say(book.learn_line())

@@ -15,6 +15,7 @@ from flockbrush.film.clip_frames import Film, Sky
 from flockbrush.film.clip_jobs import ClipJob
 from flockbrush.film.flight_sketch import FlightSketch
 from flockbrush.film.landmarks import Landmark, between, followed, motion
+from flockbrush.film.track_clip import table_of
 from flockbrush.film.tracks import read_marks, read_tracks
 from flockbrush.lifting.lens import Camera
 from flockbrush.lifting.lift_solver import lift
@@ -298,6 +299,37 @@ def test_a_file_that_is_not_ours_is_kept_beside(book, followed_birds):
     book.do("none", "birds", 0, birds=Birds.none(40))
     book.save()
     assert not book.place("tracks.csv").exists()
+    book._ours.clear()  # a second session
+    book.place("tracks.csv").write_text("theirs, later")
+    book.do("birds", "birds", 0, birds=followed_birds)
+    book.save()
+    kept = {path.name: path.read_text() for path in book.folder.glob("birds.tracks.csv.bak*")}
+    assert kept == {"birds.tracks.csv.bak": "somebody's", "birds.tracks.csv.bak1": "theirs, later"}
+
+
+def test_saved_corrections_are_not_replaced_by_tracks_that_are_given_again(book, followed_birds, tmp_path):
+    marked(book)
+    book.do("birds", "birds", 0, birds=followed_birds.put(3, int(followed_birds.ids[0]), 20.0, 30.0))
+    book.save()
+    first = tmp_path / "t.csv"
+    first.write_text(table_of(followed_birds.tracks()))
+    again = Book(book.film, book.folder)
+    with pytest.raises(ProblemsError, match="were saved in .*birds.tracks.csv before: leave out --tracks"):
+        again.load(first)
+    again.load(book.place("tracks.csv"))  # the same as those that were saved
+    assert again.state.birds.corrections == book.state.birds.corrections and again.state.birds.corrections
+
+
+def test_marks_and_tracks_of_another_film_of_this_name_are_refused(book, tmp_path):
+    book.save()
+    text = book.place("marks.toml").read_text()
+    book.place("marks.toml").write_text(text.replace(book.film.name, "birds.mkv"))
+    with pytest.raises(ProblemsError, match="has marks of 'birds.mkv', not of 'birds.avi'; choose another folder"):
+        Book(book.film, book.folder).load()
+    (tmp_path / "t.csv").write_text("frame,id,x,y\n0,7,9000,10\n1,7,9001,10\n2,7,9002,10\n")
+    book.place("marks.toml").unlink()
+    with pytest.raises(ProblemsError, match="frame 0: bird 7 is at 9000, 10, outside the picture of"):
+        Book(book.film, book.folder).load(tmp_path / "t.csv")
 
 
 def test_marks_of_another_film_are_refused(book, sky_film):
@@ -345,8 +377,14 @@ def test_work_that_nobody_wants_stops():
 
 def test_who_has_sketched_birds_is_told_how_to_lift_them(tmp_path):
     book = Book(Sky(), tmp_path)
-    assert book.lift_line() == ""
     (tmp_path / "sky.sketch.csv").write_text("frame,id,x,y\n")
-    said = book.lift_line()
+    assert book.lift_lines() == []  # nobody has described a camera yet
+    (tmp_path / "sky.camera.toml").write_text("")
+    (tmp_path / "mine.toml").write_text("")
+    (said,) = book.lift_lines()
     assert said.startswith("flockbrush lift") and "sky.sketch.csv" in said and "sky.camera.toml" in said
-    assert "mine.toml" in book.lift_line(tmp_path / "mine.toml")
+    assert "mine.toml" in book.lift_lines(tmp_path / "mine.toml")[0]
+    (tmp_path / "sky.tracks.csv").write_text("frame,id,x,y\n")
+    assert [line.split("--out ")[1] for line in book.lift_lines()] == [
+        str(tmp_path / name) for name in ("sky.flock.csv", "sky.sketch-flock.csv")
+    ]

@@ -7,6 +7,7 @@ from flockbrush.systems.programs import Programs
 from small_pasture import pasture
 from small_window import SmallWindow
 
+from flockbrush.runs import run as running
 from flockbrush.studio.panels.program_form import KIND, cards_of, changed, sample, with_state, with_trigger, without
 from flockbrush.studio.panels.program_panel import StatesPanel
 
@@ -135,11 +136,34 @@ def test_a_wrong_value_becomes_a_message_and_changes_nothing(window):
 
 def test_a_program_is_saved_and_a_file_that_is_there_is_left_alone(window, tmp_path):
     window.panel.give("stampede")
-    window.panel.save(str(tmp_path / "programs"))
+    session = window.session
+    session.save_program(window.panel.program, tmp_path / "programs")
     path = tmp_path / "programs" / "stampede.program.toml"
     assert load_program(path) == shipped_programs().get("stampede")
     path.write_text("mine")
-    window.panel.save(str(tmp_path / "programs"))
-    assert path.read_text() == "mine" and "stampede.program.toml" in window.said[-1][1]
-    window.panel.save(str(tmp_path / "no" / "such"))
-    assert "such" in window.said[-1][1]
+    assert session.save_program(window.panel.program, tmp_path / "programs") is None
+    assert path.read_text() == "mine" and "stampede.program.toml" in session.notices()[-1].text
+    assert session.save_program(window.panel.program, tmp_path / "no" / "such") is None
+    assert "such" in session.notices()[-1].text
+
+
+def test_a_changed_program_is_unsaved_until_it_is_saved_or_undone(window, tmp_path):
+    session, panel = window.session, window.panel
+    panel.give("stampede")
+    assert session.unsaved_programs() == []  # it is one of those that are shipped
+    panel.refresh()
+    panel._change(panel.rows[element(window, "for", "stampede")], "3..4 s")
+    assert [program.name for program in session.unsaved_programs()] == ["stampede"]
+    session.undo()
+    assert session.unsaved_programs() == []
+    session.redo()
+    assert session.save_program(panel.program, tmp_path) == tmp_path / "stampede.program.toml"
+    assert session.unsaved_programs() == []
+
+
+def test_no_program_is_written_into_the_package(window):
+    window.panel.give("stampede")
+    for folder in (running.SHIPPED, running.SHIPPED / "programs"):
+        assert window.session.save_program(window.panel.program, folder) is None
+        assert "is part of Flockbrush" in window.session.notices()[-1].text
+    assert not (running.SHIPPED / "programs/stampede.program.toml").exists()

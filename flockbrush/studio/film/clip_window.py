@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import tempfile
 import warnings
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pygame
 from pygame_gui.elements import UIButton, UIPanel
 
+from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.clip_document import Book
 from flockbrush.film.clip_frames import Film, Sky
 from flockbrush.film.clip_jobs import ClipJob
@@ -359,7 +362,8 @@ class ClipWindow(Window):
         line = self.book.learn_line()
         try:
             pygame.scrap.put_text(line)
-            self.toasts.say(f"Copied: {line}")
+            later = "; save (Ctrl+S) before you run it" if self.book.dirty else ""
+            self.toasts.say(f"Copied: {line}{later}")
         except (pygame.error, AttributeError):
             self.toasts.say(f"No clipboard is available; the command is: {line}", "warning")
 
@@ -390,4 +394,12 @@ class ClipWindow(Window):
         self.mode.leave()
         if not keep or not self.book.dirty:
             return ""
-        return f"{', '.join(map(str, self.book.save()))}: marks were saved before the program ended"
+        try:
+            saved = self.book.save()
+        except (OSError, ProblemsError) as error:
+            self.book.folder = Path(tempfile.mkdtemp(prefix=f"{self.book.stem}-marks-"))
+            told = f"{error}\n"
+            saved = self.book.save()
+        else:
+            told = ""
+        return f"{told}{', '.join(map(str, saved))}: marks were saved before the program ended"

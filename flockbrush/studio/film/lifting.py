@@ -34,7 +34,10 @@ class Lifting:
             answers = [("Lift", lambda text: self._with(text, part)), ("Cancel", None)]
             self.window.ask("Camera", question, answers, f"{FOV:g}, {SPEED:g}")
             return
-        read_camera(self.camera)
+        lens, film = read_camera(self.camera), self.window.film
+        if (lens.width, lens.height) != tuple(film.size):
+            told = f"has {lens.width} x {lens.height} pixels, but the clip has {film.size[0]} x {film.size[1]}"
+            raise refused(self.camera, told)
         if self.window.save():
             self._open(self.window.book.place(part))
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pygame
 from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED, UI_TEXT_ENTRY_FINISHED
 from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UITextEntryLine
 
-from flockbrush.behaviours.program import SUFFIX, load_program, save_program, shipped_programs
+from flockbrush.behaviours.program import load_program, shipped_programs
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.studio.panels.panel import ScrollPanel, fit
 from flockbrush.studio.panels.program_form import cards_of, changed, with_state, with_trigger, without
@@ -98,18 +96,7 @@ class StatesPanel(ScrollPanel):
         self.app.ask_text("Program", f"Program for all animals ({names}):", "stampede", self.give)
 
     def _ask_folder(self):
-        folder = str(self.app.session.path.parent / "programs")
-        self.app.ask_text("Save program", f"Folder for {self.program.name}{SUFFIX}:", folder, self.save)
-
-    def save(self, folder):
-        """Write the program's file; one that is there is left alone."""
-        try:
-            Path(folder).mkdir(exist_ok=True)
-            self.app.notify(f"saved {save_program(self.program, Path(folder))}")
-        except ProblemsError as error:
-            self.app.notify(str(error.problems[0]))
-        except OSError as error:
-            self.app.notify(f"{folder}: {error.strerror or error}")
+        self.app.ask_for_program(self.program)
 
     def _next(self):
         self.number = (self.number + 1) % max(len(self.world.resource(Programs)), 1)
