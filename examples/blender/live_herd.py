@@ -5,6 +5,7 @@ of the 3D view (N), tab Flockbrush, paste the address, and connect.  One metre i
 """
 
 import base64
+import contextlib
 import json
 import os
 import socket
@@ -33,19 +34,24 @@ class LiveThread(threading.Thread):
     def __init__(self, address):
         super().__init__(daemon=True)
         where = urlsplit(address.strip())
+        if where.scheme != "ws" or not where.hostname or not where.port:
+            raise ValueError("an address is what flockbrush serve prints, such as ws://127.0.0.1:8765/?token=...")
         self.socket = socket.create_connection((where.hostname, where.port), timeout=5)
         key = base64.b64encode(os.urandom(16)).decode()
         wish = f"GET {where.path or '/'}?{where.query} HTTP/1.1\r\nHost: {where.netloc}\r\nUpgrade: websocket\r\n"
         wish += f"Connection: Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n\r\n"
         self.socket.sendall(wish.encode())
         self.stream = self.socket.makefile("rb")
-        answer = self.stream.readline().decode("latin-1").strip()
-        size = 0
+        answer, headers = self.stream.readline().decode("latin-1").strip(), {}
         while (line := self.stream.readline().strip()) != b"":
             name, _, value = line.decode("latin-1").partition(":")
-            size = int(value) if name.lower() == "content-length" else size
-        if " 101 " not in answer + " ":
-            raise ConnectionError(self.stream.read(size).decode().strip() or answer)
+            headers[name.lower()] = value.strip()
+        if not answer.startswith("HTTP/1.1 101"):
+            size = headers.get("content-length", "")
+            said = self.stream.read(int(size)).decode(errors="replace").strip() if size.isdecimal() else ""
+            self.close()
+            ours = answer.startswith("HTTP/1.1 ") and "text/plain" in headers.get("content-type", "")
+            raise ConnectionError(said if ours and said else "this port is not one of flockbrush serve")
         self.socket.settimeout(None)
         self.frame, self.names, self.asked = None, {}, 0
         self.start()
@@ -62,8 +68,15 @@ class LiveThread(threading.Thread):
                     return
                 elif kind == TEXT:
                     self.take(json.loads(data))
-        except (OSError, struct.error):  # the server has gone
-            self.socket.close()
+        except (OSError, ValueError):  # the server has gone, or the link was closed here
+            pass
+        self.close()
+
+    def close(self):
+        """End the connection; the thread ends, too."""
+        with contextlib.suppress(OSError):
+            self.socket.shutdown(socket.SHUT_RDWR)
+        self.socket.close()
 
     def take(self, message):
         if message["type"] == "names":
@@ -72,17 +85,24 @@ class LiveThread(threading.Thread):
             print("Flockbrush:", message["message"])
 
     def read(self):
-        kind, size = struct.unpack("!BB", self.stream.read(2))
+        kind, size = self.exactly(2)
         if size > 125:
-            form = "!H" if size == 126 else "!Q"
-            (size,) = struct.unpack(form, self.stream.read(struct.calcsize(form)))
-        return kind & 15, self.stream.read(size)
+            size = int.from_bytes(self.exactly(2 if size == 126 else 8))
+        return kind & 15, self.exactly(size)
+
+    def exactly(self, size):
+        data = self.stream.read(size)
+        if len(data) < size:
+            raise ConnectionError("the server has gone")
+        return data
 
     def write(self, kind, data):
-        size = bytes([128 | len(data)]) if len(data) < 126 else struct.pack("!BH", 254, len(data))
+        size = len(data)
+        head = struct.pack("!BB", 128 | kind, 128 | (size if size < 126 else 126 if size < 1 << 16 else 127))
+        head += b"" if size < 126 else struct.pack("!H" if size < 1 << 16 else "!Q", size)
         mask = os.urandom(4)
-        masked = bytes(byte ^ mask[k % 4] for k, byte in enumerate(data))
-        self.socket.sendall(bytes([128 | kind]) + size + mask + masked)
+        masked = np.frombuffer(data, np.uint8) ^ np.resize(np.frombuffer(mask, np.uint8), size)
+        self.socket.sendall(head + mask + masked.tobytes())
 
     def ask(self, command, **fields):
         self.asked += 1
@@ -144,6 +164,14 @@ def refresh():
     return 1 / 30
 
 
+def leave():
+    """End the link there is, and stop drawing."""
+    if link is not None:
+        link.close()
+    if bpy.app.timers.is_registered(refresh):
+        bpy.app.timers.unregister(refresh)
+
+
 class ConnectHerd(bpy.types.Operator):
     """Show the herd of the address"""
 
@@ -151,9 +179,10 @@ class ConnectHerd(bpy.types.Operator):
 
     def execute(self, context):
         global link
+        leave()
         try:
             link = LiveThread(context.scene.flockbrush_address)
-        except (OSError, ValueError, TypeError) as error:
+        except (OSError, ValueError) as error:
             self.report({"ERROR"}, f"no live link there: {error}")
             return {"CANCELLED"}
         bpy.app.timers.register(refresh)
@@ -173,8 +202,12 @@ class SteerHerd(bpy.types.Operator):
         x, y = context.scene.cursor.location.xy
         nearest = np.argsort(np.hypot(*(animals["xyz"][:, :2] - (x, y)).T))[: max(1, len(animals["id"]) // 10)]
         leaders = [int(number) for number in animals["id"][nearest]]
-        link.ask("Appoint", entities=leaders)
-        link.ask("Steer", entities=leaders, x=x, y=y, kind="place")
+        try:
+            link.ask("Appoint", entities=leaders)
+            link.ask("Steer", entities=leaders, x=x, y=y, kind="place")
+        except OSError as error:
+            self.report({"ERROR"}, f"the link is closed: {error}")
+            return {"CANCELLED"}
         return {"FINISHED"}
 
 
@@ -195,6 +228,7 @@ def register():
 
 
 def unregister():
+    leave()
     for cls in (HerdPanel, SteerHerd, ConnectHerd):
         bpy.utils.unregister_class(cls)
     del bpy.types.Scene.flockbrush_address

@@ -40,6 +40,7 @@ GROUND, BODY, TAIL, WALL = (214, 228, 221), (60, 70, 66), (150, 166, 158), (168,
 FEWEST = 2  # animals
 JUMP, LEAST_JUMP = 5.0, 0.1  # times the long steps of the herd; BL, taken for such a step of a herd that stands
 ASIDE = math.pi / 4  # rad between headings and motion, in the median: headings of another kind
+MIRRORED = math.radians(3.0)  # the same, where headings measured the other way round would be half as far aside
 LEAP, LONG_STEPS = 20.0, 0.95  # times its usual step an animal never goes; quantile of all steps, `JUMP` times likewise
 USUAL_LENGTH_M = 1.0
 
@@ -77,7 +78,7 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30, aren
     if pieces.xy.shape[1] < FEWEST:
         raise CannotObserve(
             tracks.name,
-            f"{pieces.xy.shape[1]} animals are visible for {SHORTEST} frames without a gap of {GAP:g} s; "
+            f"animals visible for {SHORTEST} frames without a gap of {GAP:g} s: {pieces.xy.shape[1]}; "
             f"at least {FEWEST} are needed",
         )
     motion = _Motion.of(pieces, tracks.fps)
@@ -293,10 +294,13 @@ def _notes(tracks, pieces, motion, length):
             "as where ids are swapped: tracks are cut there, and what follows counts as another animal"
         )
     if pieces.gaps or pieces.away:
-        who = "1 animal was" if pieces.away == 1 else f"{pieces.away} animals were"
-        yield (
-            f"{pieces.gaps} gaps were filled; {who} missing for more than {GAP:g} s and count as new animals afterwards"
-        )
+        if pieces.gaps:
+            yield "1 gap was filled" if pieces.gaps == 1 else f"{pieces.gaps} gaps were filled"
+        if pieces.away:
+            who, new = ("1 animal was", "counts as a new animal")
+            if pieces.away > 1:
+                who, new = f"{pieces.away} animals were", "count as new animals"
+            yield f"{who} missing for more than {GAP:g} s and {new} afterwards"
     missing = _missing(tracks, motion)
     if missing > 1 - WHOLE:
         yield (
@@ -304,12 +308,19 @@ def _notes(tracks, pieces, motion, length):
             "them where they may be, and turns and spacing of animals with missing neighbours count less"
         )
     if tracks.heading is not None:
-        apart = _wrapped(motion.angle - np.arctan2(motion.velocity[..., 1], motion.velocity[..., 0]))
-        apart = apart[np.hypot(*np.moveaxis(motion.velocity, -1, 0)) > motion.smoothing.slow]
-        if len(apart) and np.median(np.abs(apart)) > ASIDE:
+        moves = np.hypot(*np.moveaxis(motion.velocity, -1, 0)) > motion.smoothing.slow
+        way = np.arctan2(motion.velocity[..., 1], motion.velocity[..., 0])[moves]
+        aside, mirrored = (
+            float(np.median(np.abs(_wrapped(angle - way)))) if len(way) else 0.0
+            for angle in (motion.angle[moves], -motion.angle[moves])
+        )
+        turned = aside > max(2.0 * mirrored, MIRRORED)
+        if aside > ASIDE or turned:
             yield (
-                f"animals move {math.degrees(np.median(np.abs(apart))):.0f} degrees aside of their headings, in the "
-                "median: headings are in radians, counter-clockwise from x"
+                f"animals move {math.degrees(aside):.0f} degrees aside of their headings, in the median: headings are "
+                "in radians from x towards y, as the axes of the file lie"
+                + f"; measured the other way round they would be {math.degrees(mirrored):.0f} degrees aside"
+                * turned
             )
     else:
         slow = np.hypot(*motion.velocity[np.isfinite(motion.velocity).all(-1)].T) < motion.smoothing.slow

@@ -40,7 +40,7 @@ class Trajectories:
     ids: tuple[str, ...]  # (N,) tuple of str
     fps: float  # frames a second
     unit: str  # {"m", "px", "bl"}
-    heading: np.ndarray | None = None  # (T, N) or None; radians counter-clockwise from x; NaN unknown
+    heading: np.ndarray | None = None  # (T, N) or None; radians counter-clockwise from x (y up); NaN unknown
     frames: np.ndarray = field(default_factory=lambda: np.zeros(0, int))  # (T,) int; their numbers in the file
     name: str = "tracks"
     sha256: str = ""
@@ -140,7 +140,7 @@ def _checked(path, table, unit, scale, fps):
         raise refused(
             path,
             f"heading {table.heading[t, n]:g} of animal {table.ids[n]} in frame {table.frames[t]}: headings are in "
-            "radians, counter-clockwise from x, from -6.283 to 6.283; are these degrees?",
+            "radians from x towards y, from -6.283 to 6.283; are these degrees?",
         )
     notes = list(table.notes)
     if not enough.all():

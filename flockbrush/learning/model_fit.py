@@ -26,7 +26,7 @@ from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import LEAST, MOST, NAMES, theta_of
 from flockbrush.learning.simulate import simulated
-from flockbrush.learning.trials import answer_step
+from flockbrush.learning.trials import answer_step, chance_found
 from flockbrush.learning.turns import FREEDOM, cramer_rao, thinned
 from flockbrush.learning.which_model import ModelRow, TurnBlocks, likeliest
 from flockbrush.learning.workers import WorkStopped
@@ -123,7 +123,9 @@ def learned_model(
 
 
 def answering(given: ModelSetting, kind: Likelihood, params, seed: int):
-    """The parameters, changed so that herds answer to their neighbours as the animals of the clips do (one step)."""
+    """The parameters, changed so that herds wander and answer to their neighbours as the animals of the clips do."""
+    if chance_of(params):
+        params = params.model_copy(update=chance_found(given, place(given.numbers, params), {}, seed))
     step = answer_step(given, place(given.numbers, params), {}, seed)
     if step is None:
         return params

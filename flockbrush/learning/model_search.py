@@ -62,8 +62,8 @@ class ModelSetting(Setting):
         return self.base.model_copy(update=read(self.numbers, x))
 
     def brush(self, theta, extras):
-        """A brush with the numbers at these positions."""
-        params = self.params(theta)
+        """A brush with the numbers at these positions, and other parameters."""
+        params = self.params(theta).model_copy(update=extras)
         return SimpleNamespace(params=params, speed=self.speed_of(params), body=self.body, vision=self.view)
 
     def speed_of(self, params) -> SpeedSpec:

@@ -30,6 +30,7 @@ from flockbrush.film.observations import Evidence, Sightings
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, BatteryRow, same_animals, seen_run
 from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.likelihood import Slopes, likelihood_of, place
+from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import Run, theta_of
 from flockbrush.learning.turns import FORCES, Turns, predicted, residuals, turns_of
@@ -103,8 +104,7 @@ def scatters(
     known = [seen for seen in both if seen is not None and len(seen.rows) >= FEWEST]
     if len(known) < len(both):
         return None
-    theta = theta_of(brush.params)
-    mine, theirs = (residuals(seen, predicted(seen, theta, brush.params, False)[0])[2] for seen in known)
+    mine, theirs = (residuals(seen, _turns_foretold(seen, brush.params))[2] for seen in known)
     return mine, theirs
 
 
@@ -176,6 +176,15 @@ def _foretold(turns, params):
     off = by_numbers.off(x)
     turn = turns.turn - off
     return turn, by_numbers.slopes(x, off), turn - by_numbers.steps.alone(kind.behaviour, params)
+
+
+def _turns_foretold(turns, params):
+    """Turns (k,), rad."""
+    if type(params) is Params:
+        return predicted(turns, theta_of(params), params, False)[0]
+    kind = likelihood_of(params)
+    assert kind is not None  # who asks knows of one
+    return turns.turn - NextSteps(turns).off(kind.behaviour, params)
 
 
 def _seen(run, clip):

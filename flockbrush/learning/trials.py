@@ -183,11 +183,18 @@ def _descend_on_turns(given, theta, extras, rows, span):
 
 
 def wandering(given: Setting, theta, extras, seed):
-    """{wander, wander_time, theta}, rad/√s and s, by which turns scatter about forces as those of the clips do.
+    """{wander, wander_time, theta}: of `chance_found`, and forces corrected for what random turns hide of them."""
+    chance = chance_found(given, theta, extras, seed)
+    answering = chance["wander"] > 0.0
+    return chance | {"theta": _answering(given, theta, extras | chance, seed) if answering else list(theta)}
 
-    Forces are corrected for what random turns hide of them. Herds are observed as the clips are, one that does not
-    wander and others that do: the variance of turns grows with the square of wander, and with the span over which they
-    are looked at as random turns last (`flockbrush.behaviours.wander.lasting`).
+
+def chance_found(given: Setting, theta, extras, seed) -> dict[str, float]:
+    """{wander, wander_time}, rad/√s and s, by which turns scatter about forces as those of the clips do.
+
+    Herds are observed as the clips are, one that does not wander and others that do: the variance of turns grows with
+    the square of wander, and with the span over which they are looked at as random turns last
+    (`flockbrush.behaviours.wander.lasting`).
     """
     parts, time = [_beginning(clip) for clip in given.seen], float(WANDER_TIMES[0])
 
@@ -203,7 +210,7 @@ def wandering(given: Setting, theta, extras, seed):
     clip, still = variances(0.0, time).T
     left = np.maximum(clip - still, 0.0)
     if not left[0] > 0.0:
-        return {"wander": 0.0, "wander_time": time, "theta": list(theta)}
+        return {"wander": 0.0, "wander_time": time}
     wander = min(float(np.sqrt(left[0] / TURN_SPANS[0])), MOST_WANDER)
     shares = np.array([lasting(TURN_SPANS, time) for time in WANDER_TIMES])
     for _ in range(CLOSER):  # forces act against turns that last longer by more
@@ -211,8 +218,7 @@ def wandering(given: Setting, theta, extras, seed):
         now = lasting(TURN_SPANS, time)
         time = float(np.interp(more[1] / more[0] * now[1] / now[0], shares[:, 1] / shares[:, 0], WANDER_TIMES))
         wander = min(float(wander * np.sqrt(more[0] * now[0] / lasting(TURN_SPANS[0], time))), MOST_WANDER)
-    chance = {"wander": wander, "wander_time": time}
-    return chance | {"theta": _answering(given, theta, extras | chance, seed)}
+    return {"wander": wander, "wander_time": time}
 
 
 def _answering(given, theta, extras, seed):

@@ -282,7 +282,7 @@ class Show:
 
     @staticmethod
     def formation_files(path) -> tuple[Path, Path]:
-        """Where `formation_level` writes: the brush, in the folder ``brushes`` where levels look for it, and the level."""
+        """Where `formation_level` writes: the brush, in the folder ``brushes`` that levels look in, and the level."""
         path = Path(path)
         folder = path.parent.parent if path.parent.name == "brushes" else path.parent
         return folder / "brushes" / path.name, folder / f"{path.name.removesuffix('.brush.toml')}.tmj"

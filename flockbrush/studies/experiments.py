@@ -113,6 +113,8 @@ class LevelParameters(Parameters):
             raise ValueError("must have either level or plane")
         if self.settle and (self.every is None or self.settle >= self.seconds):
             raise ValueError("settle needs every, and must be shorter than seconds")
+        if self.every is not None and self.every > self.seconds:
+            raise ValueError(f"every must be at most seconds, {self.seconds:g} s: means need samples on the way")
         return self
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from flockbrush.runs.terminal import USAGE, Interrupts, compiling, say
 from flockbrush.studio.start import missing_display, size_of, stay
 
@@ -32,12 +34,13 @@ def show_flight(path, camera=None, theme=None, size="1280x720", frames=None, loo
     from flockbrush.lifting.ground_show import open_show
 
     with Interrupts() as interrupts, compiling():
-        show = open_show(path, camera, looking)
         if missing_display():
+            open_show(path, camera, looking)  # what is wrong with the files is told first
             say(NO_SCREEN)
             return USAGE
-        from flockbrush.studio.lift_window import LiftWindow
+        from flockbrush.studio.opening import flight_opening
 
-        stay(LiftWindow(show, place, theme), interrupts, frames)
+        read = lambda: open_show(path, camera, looking)  # noqa: E731
+        stay(flight_opening(Path(path).name, place, theme, read), interrupts, frames)
         interrupts.check()
     return 0

@@ -116,7 +116,7 @@ def test_swapped_ids_spoil_no_other_animal():
 def test_animals_that_are_seen_once_in_the_frames_asked_for_are_too_few():
     xy = np.full((40, ANIMALS, 2), np.nan)
     xy[np.arange(ANIMALS), np.arange(ANIMALS)] = 1.0
-    with pytest.raises(CannotObserve, match="0 animals are visible for 8 frames"):
+    with pytest.raises(CannotObserve, match="animals visible for 8 frames without a gap of 1 s: 0;"):
         evidence_of_tracks(Trajectories(xy, tuple(map(str, range(ANIMALS))), FPS, "m"), 1.0)
 
 

@@ -24,8 +24,8 @@ from flockbrush.learning.learned_brush import brush_of
 from flockbrush.learning.learned_parameters import Attempt
 from flockbrush.learning.likelihood import likelihoods, place, read
 from flockbrush.learning.model_choice import add_models, as_json, check_kind, hopeless, kind_of, nearest, table_of
-from flockbrush.learning.model_fit import kinds_of_models, learned_model
-from flockbrush.learning.model_search import first_shape, speed_by
+from flockbrush.learning.model_fit import answering, kinds_of_models, learned_model
+from flockbrush.learning.model_search import ModelSetting, first_shape, speed_by
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.perceive import perceive
 from flockbrush.learning.rollout import HerdStart, Surroundings, Walls, rollout, theta_of
@@ -265,6 +265,19 @@ def test_simulations_refine_a_fit_to_next_steps(monkeypatch):
     assert found.starts[0].merit < fit.starts[0].merit
     assert len(found.loss) == 3 and "refined by simulated herds" in found.notes[0]
     assert found.params.repulsion == pytest.approx(fit.params.repulsion, abs=0.1)  # the turns say what it is
+
+
+def test_how_much_animals_wander_is_found_by_herds_observed_as_their_tracks_are():
+    """Noise hides it in a fit: herds of which it is known are smoothed alike."""
+    brush = TRUTHS["morse"]
+    brush = brush.model_copy(update={"params": brush.params.model_copy(update={"wander": 0.4})})
+    clip = evidence_of(tracks_of(brush, 24)[:96], noise=0.03)
+    kind, blocks = likelihoods()["morse"], TurnBlocks([clip])
+    vision, fit = likeliest(kind, blocks, 0)
+    given = ModelSetting.of_model([clip], fit, vision, {**kind.numbers, **kind.untold})
+    trials.forget()
+    found = answering(given, kind, fit.model_copy(update={"wander": 0.0}), 0)
+    assert found.wander == pytest.approx(0.4, abs=0.15)
 
 
 def test_of_all_frames_the_best_of_what_came_of_parts_is_kept(monkeypatch):

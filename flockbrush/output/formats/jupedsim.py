@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sqlite3
 
+import numpy as np
+
 from flockbrush.output.exporter import Exporter, exporter
 
 VERSION = 2  # of JuPedSim's schema
@@ -45,7 +47,8 @@ class Sqlite(Exporter):
             for row in zip(*borne.values(), strict=True)
         ]
         x, y, z = moment.xyz.T.tolist()
-        ahead, aside = moment.forward[:, 0].tolist(), moment.forward[:, 1].tolist()
+        flat = moment.forward[:, :2]
+        ahead, aside = (flat / np.maximum(np.hypot(*flat.T), 1e-12)[:, None]).T.tolist()
         rows = zip([self.frames] * len(moment), moment.ids.tolist(), x, y, ahead, aside, z, numbers, strict=True)
         self._base.executemany("INSERT INTO trajectory_data VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
         self._base.execute("INSERT INTO frame_data VALUES (?, ?)", (self.frames, self._hash))

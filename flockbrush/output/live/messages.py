@@ -54,21 +54,23 @@ def read_request(message) -> Request:
     if len(request) != 1 or next(iter(request)) not in _ASKED:
         raise RequestError(f"a request must have exactly one of {', '.join(_ASKED)}", number)
     try:
-        return _request(number, **request)
+        return _request(number, *request.popitem())
     except ValueError as error:
         raise RequestError(str(error.args[0]), number) from None
 
 
-def _request(number, command=None, undo=None, play=None):
-    if command is not None:
-        return Request(number, from_json(json.dumps(command)))
-    if undo is not None:
-        if undo is not True:
+def _request(number, asked, value):
+    if asked == "command":
+        if not isinstance(value, list):
+            raise ValueError('command must be ["NAME", {...}]')
+        return Request(number, from_json(json.dumps(value)))
+    if asked == "undo":
+        if value is not True:
             raise ValueError('undo must be true: {"undo": true}')
         return Request(number, undo=True)
-    if not isinstance(play, bool):
+    if not isinstance(value, bool):
         raise ValueError("play must be true or false")
-    return Request(number, play=play)
+    return Request(number, play=value)
 
 
 def _no_number(word):

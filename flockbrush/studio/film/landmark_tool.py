@@ -32,7 +32,7 @@ class LandmarksMode(Mode):
             " where no animal passes."
         )
         self.rows = [
-            column.pair((f"{k + 1}", lambda k=k: self.go(k), "Show the frame of this landmark"))[0] for k in range(4)
+            column.pair((f"{k + 1}", lambda k=k: self.go(k), "Show the frame of this landmark"))[0] for k in range(MOST)
         ]
         self.all_gone = column.button("Remove all", self.clear)
         column.heading("Learn")

@@ -64,14 +64,8 @@ class Lifting:
 
     def _open(self, tracks):
         from flockbrush.lifting.ground_show import open_show
-        from flockbrush.studio.lift_window import LiftWindow
-        from flockbrush.studio.opening import Opening
+        from flockbrush.studio.opening import flight_opening
 
         window, camera = self.window, self.camera
-        theme, size = window.theme.name, window.screen.get_size()
-        window.open_over(
-            Opening(
-                tracks.name, size, theme, lambda: open_show(tracks, camera),
-                lambda show, size: LiftWindow(show, size, theme), ("Lifting the flock …",) * 2,
-            )
-        )  # fmt: skip
+        read = lambda: open_show(tracks, camera)  # noqa: E731
+        window.open_over(flight_opening(tracks.name, window.screen.get_size(), window.theme.name, read))
