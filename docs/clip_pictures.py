@@ -96,7 +96,7 @@ def landmarks(film, folder):
 
 
 def masks(film, folder):
-    stage = PictureStage(film, "paint", folder)
+    stage = PictureStage(film, "mask", folder)
     stage.window.mode.set_size(40)
     for wall in (
         ((160, 285), (200, 285)),

@@ -55,5 +55,9 @@ told = {
     "ahead": float(np.mean((moved * looks).sum(1) > 0)),
     "species": sorted({int(d.value) for d in bpy.data.objects["Herd"].data.attributes["species"].data}),
 }
-print("TOLD" + json.dumps(told))
+for _ in range(12):  # more often than a server has clients: each ends the one before
+    told["connected"] = str(bpy.ops.flockbrush.connect())
 live_herd.unregister()
+live_herd.link.join(5)
+told["left"] = not live_herd.link.is_alive() and not bpy.app.timers.is_registered(live_herd.refresh)
+print("TOLD" + json.dumps(told))

@@ -47,11 +47,10 @@ class LiveThread(threading.Thread):
             name, _, value = line.decode("latin-1").partition(":")
             headers[name.lower()] = value.strip()
         if not answer.startswith("HTTP/1.1 101"):
-            size = headers.get("content-length", "")
-            said = self.stream.read(int(size)).decode(errors="replace").strip() if size.isdecimal() else ""
+            text = "text/plain" in headers.get("content-type", "")
+            said = self.stream.readline().decode(errors="replace").strip() if text else ""
             self.close()
-            ours = answer.startswith("HTTP/1.1 ") and "text/plain" in headers.get("content-type", "")
-            raise ConnectionError(said if ours and said else "this port is not one of flockbrush serve")
+            raise ConnectionError(said or "this port is not one of flockbrush serve")
         self.socket.settimeout(None)
         self.frame, self.names, self.asked = None, {}, 0
         self.start()
@@ -64,45 +63,40 @@ class LiveThread(threading.Thread):
                     self.frame = data
                 elif kind == PING:
                     self.write(PONG, data)
-                elif kind == CLOSE:
-                    return
                 elif kind == TEXT:
                     self.take(json.loads(data))
+                elif kind == CLOSE:
+                    break
         except (OSError, ValueError):  # the server has gone, or the link was closed here
             pass
         self.close()
 
     def close(self):
-        """End the connection; the thread ends, too."""
         with contextlib.suppress(OSError):
-            self.socket.shutdown(socket.SHUT_RDWR)
+            self.socket.shutdown(socket.SHUT_RDWR)  # ends the thread, too
         self.socket.close()
 
     def take(self, message):
-        if message["type"] == "names":
-            self.names = message
-        elif message["type"] == "error":
+        if message["type"] == "error":
             print("Flockbrush:", message["message"])
+        self.names = message if message["type"] == "names" else self.names
 
     def read(self):
         kind, size = self.exactly(2)
-        if size > 125:
-            size = int.from_bytes(self.exactly(2 if size == 126 else 8))
+        size = int.from_bytes(self.exactly(2 if size == 126 else 8)) if size > 125 else size
         return kind & 15, self.exactly(size)
 
     def exactly(self, size):
-        data = self.stream.read(size)
-        if len(data) < size:
-            raise ConnectionError("the server has gone")
-        return data
+        if len(data := self.stream.read(size)) == size:
+            return data
+        raise ConnectionError("the server has gone")
 
     def write(self, kind, data):
-        size = len(data)
-        head = struct.pack("!BB", 128 | kind, 128 | (size if size < 126 else 126 if size < 1 << 16 else 127))
-        head += b"" if size < 126 else struct.pack("!H" if size < 1 << 16 else "!Q", size)
-        mask = os.urandom(4)
-        masked = np.frombuffer(data, np.uint8) ^ np.resize(np.frombuffer(mask, np.uint8), size)
-        self.socket.sendall(head + mask + masked.tobytes())
+        form, mark = ("!BH", 254) if len(data) < 1 << 16 else ("!BQ", 255)
+        size = bytes([128 | len(data)]) if len(data) < 126 else struct.pack(form, mark, len(data))
+        mask = np.frombuffer(os.urandom(4), np.uint8)
+        masked = np.frombuffer(data, np.uint8) ^ np.resize(mask, len(data))
+        self.socket.sendall(bytes([128 | kind]) + size + mask.tobytes() + masked.tobytes())
 
     def ask(self, command, **fields):
         self.asked += 1

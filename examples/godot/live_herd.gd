@@ -30,6 +30,7 @@ func _ready() -> void:
 	_herd.multimesh.mesh = body if body else _wedge()
 	add_child(_herd)
 	_socket.inbound_buffer_size = 1 << 24
+	_socket.outbound_buffer_size = 1 << 20
 	var failed := _socket.connect_to_url(address)
 	if failed != OK:
 		push_error("no live link at %s: error %d" % [address, failed])
@@ -95,19 +96,25 @@ func _show(frame: PackedByteArray) -> void:
 # A command of Flockbrush by its name, such as ask("Gust", {"x": 2.0, "y": 0.0}); the answer comes
 # by `told`.
 func ask(command: String, fields: Dictionary) -> int:
-	_asked += 1
-	_socket.send_text(JSON.stringify({"id": _asked, "command": [command, fields]}))
-	return _asked
+	return _send("command", [command, fields])
 
 
 func undo() -> void:
-	_asked += 1
-	_socket.send_text(JSON.stringify({"id": _asked, "undo": true}))
+	_send("undo", true)
 
 
 func play(on: bool) -> void:
+	_send("play", on)
+
+
+# Returns the number of the request; 0 while there is no connection.
+func _send(kind: String, value: Variant) -> int:
+	if _socket.get_ready_state() != WebSocketPeer.STATE_OPEN:
+		push_warning("the live link is not open: nothing was sent")
+		return 0
 	_asked += 1
-	_socket.send_text(JSON.stringify({"id": _asked, "play": on}))
+	_socket.send_text(JSON.stringify({"id": _asked, kind: value}))
+	return _asked
 
 
 func steer_to(place: Vector3) -> void:

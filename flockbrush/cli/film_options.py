@@ -98,5 +98,8 @@ def lift(
     """Lift a flock from one camera to 3D: convert tracks in pixels to a flight in metres."""
     from flockbrush.cli.lift_commands import lift_tracks
 
+    for name in ("frame", "wingspan"):
+        if formation.brush is None and getattr(formation, name) is not None:
+            raise typer.BadParameter("is only for a formation brush: add --brush FILE", param_hint=f"--{name}")
     brush_options = (formation.brush, formation.frame, formation.wingspan) if formation.brush is not None else None
     lift_tracks(tracks, camera, out, method.value, near, far, json, brush_options, **vars(weights))

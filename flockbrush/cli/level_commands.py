@@ -41,7 +41,7 @@ def run_level(job: RunRequest, options):
     with terminal.Interrupts() as interrupts, compiling_ahead(*begin):
         simulation = running.start(*begin)
         ticks = ticks_of(job, simulation.clock.dt)
-        submit_events(simulation, job.event or [])
+        submit_events(simulation, job.event or [], ticks)
         watch, writing = running.Stopwatch(simulation), bool(job.record or exported)
         if job.record:
             tell_size(job.record, running.recording_size(simulation, ticks, job.keyframes))

@@ -292,10 +292,16 @@ def read_event(text):
     return at, Event(match["name"].strip(), *place)
 
 
-def submit_events(simulation, texts):
-    """Schedule the events of a command line; typer.BadParameter if no program listens for an event."""
+def submit_events(simulation, texts, ticks=None):
+    """Schedule the events of a command line; typer.BadParameter if no program listens for an event.
+
+    Or if it is after the end of a run of so many ticks.
+    """
     for text in texts or ():
         at, event = read_event(text)
+        end = math.inf if ticks is None else ticks * simulation.clock.dt
+        if at >= end:
+            raise typer.BadParameter(f"{text}: the run ends at {end:g} s, before this event", param_hint="--event")
         try:
             event.check(simulation.world)
         except ValueError as error:

@@ -9,7 +9,6 @@ import typer
 
 from flockbrush.cli.shared_options import (
     Json,
-    RecordingPath,
     ThemeName,
     ThemeOption,
     Threads,
@@ -28,7 +27,9 @@ def is_tracks(path):
 
 @grouped
 def measure(
-    recording: RecordingPath,
+    recording: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Recording (.flock), table of an export, or tracks; see --unit.")
+    ],
     plot: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Chart of the measures over time to write (.png, .svg or .pdf).")
     ] = None,

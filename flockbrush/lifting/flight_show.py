@@ -81,6 +81,8 @@ class Show:
         """
         name = str(path)
         if table_header(path) >= set(PLACES):
+            if camera is not None:
+                raise refused(path, "is a flight in metres; leave out --camera, which is for tracks in pixels")
             return cls(read_flight(path), name, span=span or wingspan_of(path))
         if camera is None:
             message = (

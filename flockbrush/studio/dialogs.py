@@ -21,7 +21,7 @@ class Dialog(UIWindow):
     """
 
     def __init__(self, app, title, question, answers, entry=None):
-        self.app, self.answers = app, {}
+        self.app, self.question, self.answers = app, question, {}
         width, height = app.screen.get_size()
         wide = min(width - 10, px(app.scale, 460))
         pad, row = px(app.scale, 12), px(app.scale, 32)

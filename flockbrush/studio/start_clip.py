@@ -18,7 +18,7 @@ NO_SCREEN = (
     "no window can be opened: there is no display. Without one, `flockbrush track CLIP` tracks birds, and"
     " `flockbrush learn CLIP` takes --landmark, --body-colour and masks."
 )
-MODES = ("look", "landmarks", "paint", "body", "birds", "sketch")
+MODES = ("view", "landmarks", "mask", "body", "birds", "sketch")
 
 
 def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, size="1280x720", frames=None) -> int:
@@ -66,7 +66,7 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
                 return USAGE
             from flockbrush.studio.film.clip_window import ClipWindow
 
-            first = mode or ("sketch" if film.path is None else "birds" if tracks is not None else "look")
+            first = mode or ("sketch" if film.path is None else "birds" if tracks is not None else "view")
             stay(ClipWindow(book, place, theme, camera, first), interrupts, frames)
             _tell_next(book, camera)
         finally:

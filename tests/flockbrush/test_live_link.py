@@ -204,7 +204,7 @@ BAD_REQUESTS = [
     ('{"id": [], "undo": true}', "id must be a whole number or a string"),
     ('{"undo": 1}', "undo must be true"),
     ('{"play": "yes"}', "play must be true or false"),
-    ('{"command": "Gust"}', "it must be [name, {field: value, ...}]"),
+    ('{"command": "Gust"}', 'command must be ["NAME", {...}]'),
     ('{"command": ["Gusty", {}]}', "unknown command 'Gusty'; did you mean 'Gust'?"),
     ('{"command": ["Gust", {"x": 1, "y": 2, "w": 3}]}', "Gust has no field 'w'"),
     ('{"command": ["Gust", {"x": 1}]}', "Gust needs y"),
@@ -375,7 +375,7 @@ class TestCommandLine:
 class TestExamples:
     @pytest.mark.parametrize("name", ["blender/live_herd.py", "godot/live_herd.gd"])
     def test_each_is_short(self, name):
-        assert len((EXAMPLES / name).read_text().splitlines()) <= 200
+        assert len((EXAMPLES / name).read_text().splitlines()) <= 240
 
     def test_the_script_for_godot_knows_the_bytes_of_a_frame(self):
         text = (EXAMPLES / "godot/live_herd.gd").read_text()
@@ -397,4 +397,5 @@ class TestExamples:
         assert "the token is wrong or missing" in told["refused"]
         assert (told["connected"], told["steered"]) == ("{'FINISHED'}", "{'FINISHED'}")
         assert told["animals"][0] == told["animals"][1] >= 50  # one body for each; some may leave
+        assert told["left"]
         assert told["nearer"] > 1 and told["ahead"] > 0.7

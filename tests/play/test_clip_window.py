@@ -84,7 +84,7 @@ def sky_clip(tmp_path_factory):
 
 @pytest.fixture
 def open_window(tmp_path, shown):
-    def open_(film, mode="look", load=False, **options):
+    def open_(film, mode="view", load=False, **options):
         book = Book(film, tmp_path / "out")
         if load:
             book.load()
@@ -164,10 +164,13 @@ def test_rectangles_are_followed_shown_and_told_to_the_command(tmp_path, open_wi
     assert len(window.book.state.marks.landmarks) == 1
     window.key("ctrl+z")
     assert len(window.book.state.marks.landmarks) == 2
+    for x in (100, 140, 180):
+        window.drag((x, 60), (x + 24, 84))
+    assert len(window.mode.rows) == 5 and window.mode.rows[4].text.startswith("5: frame 1")
 
 
 def test_obstacles_and_regions_are_painted_erased_filled_and_undone(sky_clip, open_window):
-    window = open_window(Film(sky_clip), "paint")
+    window = open_window(Film(sky_clip), "mask")
     window.mode.set_size(20)
     window.drag((40, 90), (280, 90))
     walls = window.book.state.obstacles.array
@@ -187,7 +190,7 @@ def test_obstacles_and_regions_are_painted_erased_filled_and_undone(sky_clip, op
 
 
 def test_paint_follows_the_ground_when_the_camera_moves(sky_clip, open_window):
-    window = open_window(Film(sky_clip), "paint")
+    window = open_window(Film(sky_clip), "mask")
     window.mode.set_size(10)
     window.mode._to_first = lambda: np.array([[1.0, 0, 0], [0, 1, 0]]) + [[0, 0, 30], [0, 0, 0]]
     window.click((100, 90))
@@ -345,6 +348,22 @@ def test_paths_drawn_on_an_empty_sky_become_tracks(open_window):
     assert len(window.film) == 60
     window.drag((60, 160), (60, 200))
     assert window.book.state.sketch.paths[0].points[0][1] == pytest.approx(200, abs=2)
+
+
+def test_a_slide_after_undo_or_saving_is_a_step_of_its_own(open_window):
+    window = open_window(Sky((640, 360), 60), "sketch")
+    usual = window.book.state.sketch.smooth
+    for smooth in (0.2, 0.3):  # one slide
+        window.mode.set_smooth(smooth)
+    window.drag((60, 80), (300, 110), (560, 80), steps=12)
+    window.key("ctrl+z")
+    window.mode.set_smooth(0.9)
+    assert window.book.redo() is None and window.book.state.sketch.smooth == 0.9
+    window.key("ctrl+s")
+    window.mode.set_smooth(0.7)
+    for smooth in (0.9, 0.3, usual):
+        window.book.undo()
+        assert window.book.state.sketch.smooth == smooth
 
 
 def test_a_sketch_is_lifted_and_shown_in_place_of_the_clip_until_it_is_closed(open_window, monkeypatch):

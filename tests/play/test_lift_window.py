@@ -101,6 +101,7 @@ def test_from_the_camera_birds_are_where_they_were_filmed(window):
     size = np.array([1280, 720])
     middle = (seen_at - np.array(window.area.size) / 2) / (px - size / 2)
     assert np.allclose(middle, middle.mean(), rtol=1e-6)  # the same picture, of another size
+    assert (middle.mean() * size <= window.area.size).all()  # all of it
 
 
 def test_a_click_picks_a_bird_and_escape_lets_it_go(window):
@@ -152,6 +153,27 @@ def test_the_flight_is_exported_under_the_name_that_is_typed(window, tmp_path):
     window.key("return")
     window.run(frames=2)
     assert len((tmp_path / "flight.csv").read_text().splitlines()) == 1 + 50 * 11
+
+
+def test_files_that_are_there_are_replaced_only_if_that_is_wished(window, tmp_path):
+    mine = tmp_path / "flight.csv"
+    mine.write_text("mine")
+    for answer, kept in ((-1, True), (0, False)):
+        window.key("s", "ctrl")
+        window.dialog.entry.set_text(str(mine))
+        window.key("return")
+        window.run(frames=2)
+        assert "flight.csv already exists" in window.dialog.question
+        window.dialog.answer(list(window.dialog.answers)[answer])
+        assert (mine.read_text() == "mine") == kept
+    level = tmp_path / "tracks-v.tmj"
+    level.write_text("mine, too")
+    window.key("b")
+    dialog = window.dialog
+    dialog.answer(list(dialog.answers)[1])
+    assert "tracks-v.tmj already exists" in window.dialog.question and level.read_text() == "mine, too"
+    window.dialog.answer(list(window.dialog.answers)[-1])
+    assert level.read_text() == "mine, too" and not (tmp_path / "brushes").exists()
 
 
 def test_a_name_with_a_wrong_ending_is_told(window, tmp_path):

@@ -9,7 +9,7 @@ from flockbrush.studio.theme import chrome
 class LookMode(Mode):
     """Shows facts about the clip and the used frames."""
 
-    name = "look"
+    name = "view"
     title = "View"
     hint = (
         "Space: play   Left, Right: step   Page Up, Page Down: ten   Wheel: zoom   Drag: move   I, O: first, last frame"

@@ -53,7 +53,7 @@ class ClipWindow(Window):
 
     repeat = 300, 33
 
-    def __init__(self, book: Book, size=(1280, 720), theme=None, camera=None, mode="look"):
+    def __init__(self, book: Book, size=(1280, 720), theme=None, camera=None, mode="view"):
         self.book, self.film = book, book.film
         super().__init__(theme)
         self.k, self.playing, self.now = 0, False, 0.0  # k: the frame that is shown

@@ -10,6 +10,7 @@ from flockbrush.studio.film.clip_column import enabled
 from flockbrush.studio.film.mode import Mode
 from flockbrush.studio.theme import px
 
+ROWS = 4  # of the column, at least
 COLOURS = tuple(rgb(PALETTE[k]) for k in (5, 0, 2, 1, 4, 3, 7, 6))
 
 
@@ -32,7 +33,8 @@ class LandmarksMode(Mode):
             " where no animal passes."
         )
         self.rows = [
-            column.pair((f"{k + 1}", lambda k=k: self.go(k), "Show the frame of this landmark"))[0] for k in range(MOST)
+            column.pair((f"{k + 1}", lambda k=k: self.go(k), "Show the frame of this landmark"))[0]
+            for k in range(self._rows_needed())
         ]
         self.all_gone = column.button("Remove all", self.clear)
         column.heading("Learn")
@@ -40,8 +42,14 @@ class LandmarksMode(Mode):
             "Copy command", self.window.copy_line, "Copy the flockbrush learn command to the clipboard (Ctrl+C)"
         )
 
+    def _rows_needed(self):
+        return max(ROWS, len(self.state.marks.landmarks))
+
     def freshen(self):
         marks = self.state.marks.landmarks
+        if len(self.rows) != self._rows_needed():
+            self.window.rebuild_column()
+            return
         for k, row in enumerate(self.rows):
             exists = k < len(marks)
             text = f"{k + 1}: frame {marks[k].frame}, {self._said(marks[k])}" if exists else "–"

@@ -20,7 +20,7 @@ SIZES = (2.0, 160.0)  # pixels of the film
 class PaintMode(Mode):
     """Paints a mask, which belongs to the first used frame and moves with the landmarks."""
 
-    name = "paint"
+    name = "mask"
     title = "Mask"
 
     def __init__(self, window):

@@ -61,8 +61,9 @@ class SketchMode(Mode):
 
     def freshen(self):
         sketch = self.state.sketch
-        birds = f"{len(sketch.paths)} bird{'s' * (len(sketch.paths) > 1)}"
-        self.count.say("no paths" if not sketch.paths else f"{birds}, {sketch.frames} frames")
+        birds, frames = len(sketch.paths), sketch.frames
+        said = f"{birds} bird{'s' * (birds > 1)}, {frames} frame{'s' * (frames > 1)}"
+        self.count.say(said if birds else "no paths")
         chosen(self.speed, 0 if sketch.even else 1)
         self.smooth.set(sketch.smooth)
         if self.length is not None:

@@ -147,9 +147,11 @@ class StatesPanel(ScrollPanel):
             return px(66)
         self._label(program.title or program.name, 0, 0, self.inner, "@heading")
         y, events = px(28), heard(self.world)
-        if len(self.world.resource(Programs)) > 1:
+        several = len(self.world.resource(Programs)) > 1
+        if several:
             self._button("Next program", self._next, 0, y, half)
-            y += px(32)
+        self._button("Choose a program", self._ask_program, (half + px(6)) * several, y, half)
+        y += px(32)
         for k, name in enumerate(events):
             event = lambda name=name: self.app.session.do(f"event {name}", [Event(name)])  # noqa: E731
             self._button(f"Event: {name}", event, (k % 2) * (half + px(6)), y + (k // 2) * px(32), half)
