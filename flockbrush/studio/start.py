@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -147,6 +148,8 @@ def missing_display() -> str:
         os.environ.setdefault(f"SDL_VIDEO_{system}_WMCLASS", "flockbrush")
     import pygame
 
+    bare = "XDG_RUNTIME_DIR" not in os.environ
+    os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())  # a library of desktops complains where it is not
     try:
         pygame.display.init()
         pygame.display.set_mode((1, 1), pygame.HIDDEN)
@@ -155,3 +158,6 @@ def missing_display() -> str:
         return NO_SCREEN.format("there is no display") if hidden else ""
     except pygame.error as error:
         return NO_SCREEN.format(error)
+    finally:
+        if bare:
+            del os.environ["XDG_RUNTIME_DIR"]
