@@ -10,6 +10,7 @@
     python benchmarks/learning.py tracks --data DIR [--write]   tracks of real animals (learning_tracks.py)
     python benchmarks/learning.py sheep [--budget 90]           density overlap with real sheep (learning_sheep.py)
     python benchmarks/learning.py models [--seeds 3] [--write]  identify the model (learning_models.py)
+    python benchmarks/learning.py observed                     known herds and their noisy tracks (learning_observed.py)
     python benchmarks/learning.py time [--runs 1]               seconds of learning a clip (learning_times.py)
     python benchmarks/learning.py photos [--full]               spacing from photographs (learning_photos.py)
     python benchmarks/learning.py variants [--full]             compressions and crops (learning_variants.py)
@@ -43,6 +44,7 @@ import learning_errors  # noqa: E402
 import learning_foreign  # noqa: E402
 import learning_halves  # noqa: E402
 import learning_models  # noqa: E402
+import learning_observed  # noqa: E402
 import learning_paper  # noqa: E402
 import learning_photos  # noqa: E402
 import learning_sheep  # noqa: E402
@@ -242,6 +244,7 @@ def main(argv=None):
     learning_errors.add(parts)
     learning_tracks.add(parts)
     learning_models.add(parts)
+    learning_observed.add(parts)
     learning_photos.add(parts)
     learning_sheep.add(parts)
     learning_times.add(parts)

@@ -38,7 +38,7 @@ def show_flight(path, camera=None, theme=None, size="1280x720", frames=None, loo
             open_show(path, camera, looking)  # what is wrong with the files is told first
             say(NO_SCREEN)
             return USAGE
-        from flockbrush.studio.opening import flight_opening
+        from flockbrush.studio.flight_opening import flight_opening
 
         read = lambda: open_show(path, camera, looking)  # noqa: E731
         stay(flight_opening(Path(path).name, place, theme, read), interrupts, frames)

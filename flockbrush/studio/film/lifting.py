@@ -64,7 +64,7 @@ class Lifting:
 
     def _open(self, tracks):
         from flockbrush.lifting.ground_show import open_show
-        from flockbrush.studio.opening import flight_opening
+        from flockbrush.studio.flight_opening import flight_opening
 
         window, camera = self.window, self.camera
         read = lambda: open_show(tracks, camera)  # noqa: E731
