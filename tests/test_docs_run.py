@@ -41,7 +41,7 @@ def blocks(path):
 def reader(tmp_path, monkeypatch):
     """An empty folder, registries that forget what a page registers, and no shell between page and command."""
     import flockbrush.levels.build  # noqa: F401  what registers commands is known before
-    from flockbrush.behaviours import behaviour
+    from flockbrush.behaviours import behaviour, drive, trigger
     from flockbrush.engine import commands
     from flockbrush.engine.parallel import set_threads, threads
     from flockbrush.levels import terrain_kinds
@@ -54,6 +54,8 @@ def reader(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     behaviour.behaviours()  # all known before, so that all are known again afterwards
     monkeypatch.setattr(behaviour, "_registry", dict(behaviour._registry))
+    monkeypatch.setattr(drive, "_registry", dict(drive.drives()))
+    monkeypatch.setattr(trigger, "_kinds", dict(trigger.conditions()))
     monkeypatch.setattr(commands, "COMMANDS", dict(commands.COMMANDS))
     monkeypatch.setitem(sys.modules, "page", types.ModuleType("page"))
     _level_of_the_readers(tmp_path)
