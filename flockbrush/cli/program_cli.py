@@ -299,11 +299,11 @@ def submit_events(simulation, texts, ticks=None):
     """
     for text in texts or ():
         at, event = read_event(text)
-        end = math.inf if ticks is None else ticks * simulation.clock.dt
-        if at >= end:
-            raise typer.BadParameter(f"{text}: the run ends at {end:g} s, before this event", param_hint="--event")
         try:
             event.check(simulation.world)
         except ValueError as error:
             raise typer.BadParameter(str(error), param_hint="--event") from None
+        end = math.inf if ticks is None else ticks * simulation.clock.dt
+        if at >= end:
+            raise typer.BadParameter(f"{text}: the run ends at {end:g} s, before this event", param_hint="--event")
         simulation.submit(event, math.ceil(at / simulation.clock.dt - 1e-9))

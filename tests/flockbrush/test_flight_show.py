@@ -178,3 +178,8 @@ def test_lift_makes_the_brush_without_a_window(tmp_path, capsys):
     assert "frames 0 to 59; there is no frame 99" in capsys.readouterr().err
     with open(tmp_path / "flock.csv") as file:
         assert len(list(csv.DictReader(file))) == 60 * 11
+    for option in ("--frame", "--wingspan"):
+        assert called([*words, option, "30"]) == 2
+        assert "only for a formation brush" in " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert called(["play", str(tmp_path / "flock.csv"), "--camera", str(camera)]) == 1
+    assert "is a flight in metres; leave out --camera" in capsys.readouterr().err

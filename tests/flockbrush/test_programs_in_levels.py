@@ -104,6 +104,7 @@ def test_a_run_with_an_event_is_told_exported_recorded_and_replayed(cli, tmp_pat
         ("-1:alarm", "must be SECONDS:NAME"),
         ("1:alarm@2,3", "must be SECONDS:NAME"),
         ("1:alram", "did you mean 'alarm'?"),
+        ("7:alarm", "the run ends at 1 s, before this event"),
     ],
 )
 def test_an_event_that_cannot_be_is_refused_before_the_run(cli, tmp_path, event, said):

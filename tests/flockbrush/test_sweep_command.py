@@ -155,6 +155,7 @@ def test_a_herd_on_a_plane_is_swept_over_its_brush(tmp_path):
         ('plane = "march"', 'plane = "marsh"', "there is no brush 'marsh'; did you mean 'march'?"),
         ('plane = "march"', 'plane = "march"\nlevel = "meadow"', "must have either level or plane"),
         ('plane = "march"\n', "", "must have either level or plane"),
+        ('plane = "march"', 'plane = "march"\nevery = 50', "every must be at most seconds"),
     ],
 )
 def test_mistakes_about_planes_are_told(tmp_path, old, new, said):

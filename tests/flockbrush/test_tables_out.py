@@ -26,6 +26,8 @@ def test_a_database_holds_positions_headings_and_names(cli, recording, tmp_path,
     rows = base.execute("SELECT id, pos_x, pos_y, pos_z FROM trajectory_data WHERE frame = 20 ORDER BY id").fetchall()
     assert [row[0] for row in rows] == lived.agents.ids.tolist()
     assert np.array_equal([row[1:] for row in rows], lived.agents[Position.xyz])
+    ahead = np.array(base.execute("SELECT ori_x, ori_y FROM trajectory_data").fetchall())
+    np.testing.assert_allclose(np.hypot(*ahead.T), 1.0, atol=1e-12)
     names = "SELECT DISTINCT name FROM trajectory_data JOIN names USING (names) WHERE frame = 20 AND kind = 'brush'"
     assert base.execute(names).fetchall() == [("swarm",)]
     base.close()

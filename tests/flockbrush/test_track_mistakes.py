@@ -159,6 +159,15 @@ def test_headings_in_degrees_are_refused_and_others_doubted(tmp_path):
             assert any(words in note for note in speeds(read_trajectories(path))[1])
 
 
+def test_headings_in_pixels_that_are_measured_as_seen_are_noticed(tmp_path):
+    xy, down = marching(30), np.arctan2(*np.diff(marching(2), axis=0)[0].T[::-1])
+    for heading, noticed in ((down, False), (-down, True)):
+        rows = [(t / FPS, n, *xy[t, n], heading[n]) for t in range(30) for n in range(ANIMALS)]
+        tracks = read_trajectories(table(tmp_path / "a.csv", rows, "time,id,x_px,y_px,heading"))
+        said = [note for note in speeds(tracks)[1] if "measured the other way round they would be 0 degrees" in note]
+        assert bool(said) == noticed
+
+
 def test_a_rate_that_contradicts_the_times_is_refused(tmp_path):
     path = table(tmp_path / "a.csv", rows_of(marching(20), np.repeat(np.arange(20)[:, None] / FPS, ANIMALS, 1)))
     assert read_trajectories(path, fps=10.0).fps == pytest.approx(10.0)
