@@ -137,6 +137,10 @@ class Book(StateStack):
 
     # files ------------------------------------------------------------------------------------
 
+    def go_to(self, folder):
+        """Save into another folder from now on."""
+        self.folder = Path(folder)
+
     def save(self) -> list[Path]:
         """Write everything there is, each file whole or not at all; which files.
 

@@ -167,7 +167,11 @@ class PictureBook(Book):
 
     # files ----------------------------------------------------------------------------------
 
-    def learn_line(self) -> str:
+    def go_to(self, folder):
+        super().go_to(folder)
+        self.out = self.folder / self.out.name
+
+    def learn_line(self, state=None) -> str:
         """The command that finds the formation in the marks."""
         return shlex.join(["flockbrush", "formation", "extract", str(self.out)])
 

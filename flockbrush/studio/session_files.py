@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flockbrush.behaviours.brush import SUFFIX, Brush, save_brush
-from flockbrush.behaviours.program import Program, save_program, shipped_programs
+from flockbrush.behaviours.program import save_program, shipped_programs
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
@@ -213,7 +213,7 @@ class SessionFiles:
 
     # programs --------------------------------------------------------------------
 
-    def unsaved_programs(self) -> list[Program]:
+    def unsaved_programs(self):
         """Programs of the world that were changed here, as no file has them."""
         shipped = shipped_programs()
         sources = self._saved_programs | {shipped.get(name).source for name in shipped.names()}

@@ -1,7 +1,9 @@
 """The window over a film: scrubbed, marked, painted, put right and sketched in by hands, saved and taken up again."""
 
+import shutil
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pygame
@@ -147,6 +149,18 @@ def test_the_part_that_is_used_is_told_to_the_command(sky_clip, open_window):
     assert "--frames 5:30" in window.book.learn_line()
     window.push("All")
     assert "--frames" not in window.book.learn_line()
+
+
+def test_marks_are_kept_elsewhere_if_their_folder_is_gone_when_the_program_ends(sky_clip, open_window, tmp_path):
+    window = open_window(Film(sky_clip))
+    window.use_to()
+    window.go(5)
+    window.key("i")
+    (tmp_path / "out").write_text("a file in the way")
+    told = window.leave(keep=True)
+    saved = Path(told.splitlines()[-1].split(": marks were saved")[0])
+    assert "out" in told.splitlines()[0] and saved.name.endswith(".marks.toml") and "first = 5" in saved.read_text()
+    shutil.rmtree(saved.parent)
 
 
 # herds ----------------------------------------------------------------------------------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 import warnings
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -397,7 +396,7 @@ class ClipWindow(Window):
         try:
             saved = self.book.save()
         except (OSError, ProblemsError) as error:
-            self.book.folder = Path(tempfile.mkdtemp(prefix=f"{self.book.stem}-marks-"))
+            self.book.go_to(tempfile.mkdtemp(prefix=f"{self.book.stem}-marks-"))
             told = f"{error}\n"
             saved = self.book.save()
         else:
