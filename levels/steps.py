@@ -87,6 +87,11 @@ class StateStack(UndoStack):
         self.push(StateStep(label, where, self.state, state))
         self.state = state
 
+    def amend(self, state):
+        """Have the last step lead to another state."""
+        self.done[-1] = self.done[-1]._replace(after=state)
+        self.state = state
+
     def undo(self) -> StateStep | None:
         """Take the last step back; returns it."""
         step = self.take_back()

@@ -117,23 +117,15 @@ class Book(StateStack):
     def lift_lines(self, camera=None) -> list[str]:
         """The commands that lift the birds and the sketch that were saved; none without a camera."""
         camera = self.place("camera.toml") if camera is None else Path(camera)
-        ends = {"tracks.csv": "flock.csv", "sketch.csv": "sketch-flock.csv"}
-        saved = [part for part in ends if self.place(part).is_file()] if camera.is_file() else []
-        out = ends if len(saved) > 1 else dict.fromkeys(ends, "flock.csv")
-        return [
-            shlex.join(
-                [
-                    "flockbrush",
-                    "lift",
-                    str(self.place(part)),
-                    "--camera",
-                    str(camera),
-                    "--out",
-                    str(self.place(out[part])),
-                ]
-            )
-            for part in saved
-        ]
+        if not camera.is_file():
+            return []
+        saved = [part for part in ("tracks", "sketch") if self.place(f"{part}.csv").is_file()]
+        lines = []
+        for k, part in enumerate(saved):
+            out = self.place("sketch-flock.csv" if k else "flock.csv")
+            words = [self.place(f"{part}.csv"), "--camera", camera, "--out", out]
+            lines.append(shlex.join(["flockbrush", "lift", *map(str, words)]))
+        return lines
 
     # files ------------------------------------------------------------------------------------
 
@@ -216,7 +208,7 @@ class Book(StateStack):
             of another film.
         """
         state, place = self.state, self.place("tracks.csv")
-        if tracks is not None and place.is_file():
+        if tracks is not None and place.is_file() and Path(tracks).is_file():
             if not place.samefile(tracks):
                 raise refused(
                     tracks,

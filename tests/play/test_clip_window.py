@@ -378,6 +378,8 @@ def test_a_slide_after_undo_or_saving_is_a_step_of_its_own(open_window):
     for smooth in (0.9, 0.3, usual):
         window.book.undo()
         assert window.book.state.sketch.smooth == smooth
+    window.book.redo()
+    assert window.book.state.sketch.smooth == 0.3  # where the slide ended
 
 
 def test_a_sketch_is_lifted_and_shown_in_place_of_the_clip_until_it_is_closed(open_window, monkeypatch):

@@ -89,7 +89,7 @@ class SketchMode(Mode):
     def _slide(self, label, sketch):
         """A step; the steps of one slide are one."""
         if self.book.undo_label == label and not self.book.redo_label and self.state is not self.book.saved:
-            self.book.state = self.state._replace(sketch=sketch)
+            self.book.amend(self.state._replace(sketch=sketch))
         else:
             self.edit(label, sketch=sketch)
 
