@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import math
 import sqlite3
-
-import numpy as np
 
 from flockbrush.output.exporter import Exporter, exporter
 
@@ -47,8 +46,8 @@ class Sqlite(Exporter):
             for row in zip(*borne.values(), strict=True)
         ]
         x, y, z = moment.xyz.T.tolist()
-        flat = moment.forward[:, :2]
-        ahead, aside = (flat / np.maximum(np.hypot(*flat.T), 1e-12)[:, None]).T.tolist()
+        ways = [(ahead, aside, math.hypot(ahead, aside) or 1.0) for ahead, aside in moment.forward[:, :2].tolist()]
+        ahead, aside = ([way[k] / way[2] for way in ways] for k in (0, 1))
         rows = zip([self.frames] * len(moment), moment.ids.tolist(), x, y, ahead, aside, z, numbers, strict=True)
         self._base.executemany("INSERT INTO trajectory_data VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
         self._base.execute("INSERT INTO frame_data VALUES (?, ?)", (self.frames, self._hash))
