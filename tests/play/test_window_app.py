@@ -7,7 +7,10 @@ import cv2
 import numpy as np
 import pygame
 import pytest
+from flockbrush.behaviours.program import shipped_programs
 from flockbrush.systems.edits import PlaceGoal
+from flockbrush.systems.program_commands import UseProgram
+from flockbrush.systems.undo import UseBrush
 from small_pasture import pasture
 from window import Window
 
@@ -142,6 +145,21 @@ def test_who_quits_and_saves_a_shipped_level_is_gone_when_it_is_saved(tmp_path):
     window.key("return")
     assert not window.running and (tmp_path / "mine.tmj").is_file()
     window.close()
+
+
+def test_who_quits_is_asked_for_the_level_and_for_changed_programs(window, tmp_path):
+    mine = shipped_programs().get("stampede").source.decode().replace("8..12 s", "3..4 s")
+    window.drag((12, 3), (14, 3))
+    brushes = map(window.session.library.get, shipped_programs().get("stampede").brushes)
+    commands = [*(UseBrush(brush.name, brush.source.decode()) for brush in brushes), UseProgram("stampede", mine)]
+    assert window.session.do("program", commands)
+    window.key("ctrl+q")
+    assert "unsaved changes of pasture and the program stampede" in window.dialog.question
+    window.dialog.answer(next(iter(window.dialog.answers)))  # Save: the level has a file
+    assert window.running and not window.session.dirty and "stampede.program.toml" in window.dialog.question
+    window.dialog.entry.set_text(str(tmp_path / "mine"))
+    window.dialog.answer(next(iter(window.dialog.answers)))
+    assert not window.running and "3..4 s" in (tmp_path / "mine" / "stampede.program.toml").read_text()
 
 
 def test_quitting_without_changes_just_quits(window):
