@@ -135,7 +135,7 @@ def _as_blobs(clip, rng):
         frames.append(Outlines(xy, axis, np.ones(n), np.full(n, 0.4), np.full(n, 0.37), np.ones(n, bool)))
     sightings, noise = sightings_of(frames, clip.fps, np.eye(2, 3))
     known = speed_evidence(clip.fields, sightings, 1.0)
-    noises = {"place_noise": noise.place, "heading_noise": noise.heading}
+    noises = {"place_noise": noise.place, "heading_noise": noise.heading, "smoothing": noise.smoothing(clip.fps)}
     return dataclasses.replace(clip, sightings=sightings, speed=known, **noises)
 
 

@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from flockbrush.film.body_shapes import Outlines, capsule, moments_of, of_moments
+from flockbrush.film.body_shapes import Outlines, capsule, joined, moments_of, of_moments
+from flockbrush.film.capsule_fit import at_labels, better_crowds, fitted, shown_share
 from flockbrush.film.touching_bodies import LEAST, parted_bodies
 
 ALONE = 0.55, 1.45  # of one animal's area: a blob of one animal
@@ -25,6 +26,8 @@ SOLID = 0.88, 0.74  # share of its convex hull that a lone body fills; less wher
 LIKE = 0.35, 0.25, 0.25  # logarithms of area, length and width by which one animal may differ from the usual one
 LEAST_AREA = 6  # px: less is a scrap
 ENOUGH = 6  # lone bodies that are needed to tell the size of one
+DOUBTFUL = 1.5  # times as badly covered as the usual lone body: such a crowd is parted afresh
+MISSING = 0.5  # of a pixel that is animal and that no body covers, from which on another body is looked for there
 ALONG, END = 6, 0.62  # positions from the middle of a body to each end, and the end of the last part, lengths
 
 
@@ -138,7 +141,7 @@ def _moments(mask):
 # bodies -------------------------------------------------------------------------------------------------------------
 
 
-def bodies_of(mask, size: BodySize, picture=None, before: Outlines | None = None) -> Outlines:
+def bodies_of(mask, size: BodySize, picture=None, before: Outlines | None = None, margin: float = 0.0) -> Outlines:
     """The animals of a mask, (h, w), nonzero where an animal is.
 
     Parameters
@@ -150,19 +153,41 @@ def bodies_of(mask, size: BodySize, picture=None, before: Outlines | None = None
     before : Bodies, optional
         Those of the frame before, in pixels of this one: where animals touch, a way to part them that looks much as it
         did is preferred, so that they do not jump to and fro.
+    margin : float
+        Pixels by which blur widens bodies in the mask, on each side.
     """
     mask = _binary(mask)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    share = stats[:, cv2.CC_STAT_AREA] / size.area
-    share[0] = 0.0
-    lone = (share >= LEAST) & (share <= ALONE[1])
-    many = share > ALONE[1]
-    parts = [_measured(labels, np.flatnonzero(lone), count, np.ones(lone.sum(), bool))]
-    if many.any():
-        crowd = many[labels].view(np.uint8)
-        parts.append(parted_bodies(crowd, size, picture, before))
-    bodies = Outlines(*(np.concatenate(v) for v in zip(*(vars(f).values() for f in parts), strict=True)))
+    animals = stats[:, cv2.CC_STAT_AREA] / size.area
+    animals[0] = 0.0
+    lone, many = (animals >= LEAST) & (animals <= ALONE[1]), animals > ALONE[1]
+    bodies = _measured(labels, np.flatnonzero(lone), count, np.ones(lone.sum(), bool))
+    share = mask.astype(np.float32) if picture is None else shown_share(picture, mask, size)
+    crowd = many[labels].view(np.uint8)
+    if before is not None:
+        lasting = before.of(many[at_labels(labels, before)])
+        bodies = joined(bodies, replace(lasting, alone=np.zeros(len(lasting), bool)))
+    elif many.any():
+        bodies = joined(bodies, parted_bodies(crowd, size, picture))
+    found = fitted(bodies, share, size, margin)
+    if before is not None and many.any():
+        found = _with_others(found, crowd, share, size, picture, margin)
+        costs = found.costs(labels, share) / np.maximum(animals, LEAST)
+        doubtful = many & (costs > DOUBTFUL * np.median(costs[lone])) if lone.any() else many
+        if doubtful.any():
+            sure = found.bodies.of(~doubtful[at_labels(labels, found.bodies)])
+            afresh = parted_bodies(doubtful[labels].view(np.uint8), size, picture, before)
+            again = fitted(joined(sure, afresh), share, size, margin)
+            found = better_crowds(labels, doubtful, share, found, again)
+    bodies = found.bodies
     return bodies if picture is None else replace(bodies, ends=_ends(bodies, mask, picture, size))
+
+
+def _with_others(found, crowd, share, size, picture, margin):
+    """What is fitted, with bodies where none cover the crowd."""
+    left = crowd & (found.missing(share) > MISSING).view(np.uint8)
+    others = parted_bodies(left, size, picture) if left.sum() > LEAST * size.area else Outlines.none()
+    return fitted(joined(found.bodies, others), share, size, margin) if len(others) else found
 
 
 def _ends(bodies, mask, picture, size):

@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
+from scipy.spatial import cKDTree
 
+FARTHEST = 0.3  # lengths: how far a body goes from frame to frame at most
 SHAPES = np.linspace(0.0, 6.0, 241)  # half axis over radius of a capsule
 
 
@@ -64,6 +66,21 @@ class Outlines:
         return Outlines(
             *(getattr(self, name)[chosen] for name in ("xy", "axis", "length", "width", "area", "alone", "ends"))
         )
+
+
+def gone_on(bodies: Outlines, before: Outlines | None, length: float) -> Outlines:
+    """The bodies where they will be in the next frame: they move on as since the frame before, in the same pixels."""
+    if before is None or not len(before) or not len(bodies):
+        return bodies
+    away, nearest = cKDTree(before.xy).query(bodies.xy)
+    step = np.where((away < FARTHEST * length)[:, None], bodies.xy - before.xy[nearest], 0.0)
+    return replace(bodies, xy=bodies.xy + step)
+
+
+def joined(*parts: Outlines) -> Outlines:
+    """All bodies of several sets; of sets without features of the ends, none are kept."""
+    parts = tuple(replace(part, ends=np.zeros((len(part), 0))) for part in parts)
+    return Outlines(*(np.concatenate(values) for values in zip(*(vars(part).values() for part in parts), strict=True)))
 
 
 def capsule(area, along, across):

@@ -17,7 +17,7 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.film.fields_file import damage, flat, packed, part_of, read, unpacked, write
 from flockbrush.film.pair_density import RINGS, pairs_scaled
-from flockbrush.film.path_smoothing import PathSmoothing
+from flockbrush.film.path_smoothing import PathSmoothing, SightSmoothing
 from flockbrush.film.speeds import SpeedEvidence, speed_evidence
 
 
@@ -294,7 +294,7 @@ class Evidence:
     # direction and rad
     place_noise: float = 0.0
     heading_noise: float = 0.0
-    smoothing: PathSmoothing | None = None  # of positions from a file of tracks
+    smoothing: PathSmoothing | SightSmoothing | None = None  # of the sightings
     # {"px", "m", "bl"}; of ``body_length_px``: pixels of a film, or the unit of a file of tracks
     length_unit: str = "px"
     start: float = 0.0  # s, time of the first frame
@@ -397,8 +397,8 @@ class Evidence:
                 parts["sightings"] = Sightings(**part_of(data, "sightings"))
             if "speed.mean" in data:
                 parts["speed"] = SpeedEvidence.of_arrays(part_of(data, "speed"))
-            if "smoothing.noise" in data:
-                parts["smoothing"] = PathSmoothing(**part_of(data, "smoothing"))
+            if smoothing := part_of(data, "smoothing"):
+                parts["smoothing"] = (SightSmoothing if "half" in smoothing else PathSmoothing)(**smoothing)
             clip = part_of(data, "clip")
             clip["notes"] = [str(note) for note in json.loads(str(clip["notes"]))]
             if "picture" in clip:

@@ -19,7 +19,7 @@ import numpy as np
 
 from flockbrush.engine.files import refused
 from flockbrush.film.body_outlines import BodySize, blobs_left, bodies_of, sizes_alone
-from flockbrush.film.body_shapes import Outlines
+from flockbrush.film.body_shapes import Outlines, gone_on
 from flockbrush.film.camera_maps import Steady, after, back, zoom_of
 from flockbrush.film.clip_fields import ClipGrid, Collector, grid_over, outlined, painted, read_colours
 from flockbrush.film.clip_reader import Clip, Say, open_clip, silent
@@ -182,7 +182,7 @@ class Watch:
             notes=self._notes(taken, way) + speeds_told(sightings, clip.fps) + warnings, doubt=doubt, picture=first,
             to_pixels=self.grid.to_pixels, camera=self._camera(),
             region_colours=self.region_colours, place_noise=float(np.nan_to_num(noise.place)),
-            heading_noise=float(np.nan_to_num(noise.heading)),
+            heading_noise=float(np.nan_to_num(noise.heading)), smoothing=noise.smoothing(clip.fps),
         )  # fmt: skip
 
     def _check(self, fields, example):
@@ -228,6 +228,7 @@ class _Taken:
         self.frames: dict[int, tuple] = {}
         self.seen: list[Outlines] | None = [] if animals else None
         self.last: Outlines | None = None
+        self.earlier: Outlines | None = None
         self.moves: list[np.ndarray] = []
         self.masks: dict[str, np.ndarray] = {}
         self.overlaps: list[float] = []
@@ -254,8 +255,12 @@ class _Taken:
         """The animals of a picture, if they are separated; pictures must come in order."""
         if self.seen is None:
             return None
-        before = None if self.last is None else self.last.moved(after(back(self.maps[k]), self.maps[k - 1]))
-        self.last = bodies_of(mask, scaled(self.watch.size, 1 / zoom_of(self.maps[k])), picture, before)
+        zoom, to_here = zoom_of(self.maps[k]), after(back(self.maps[k]), self.maps[k - 1])
+        earlier, self.last = (None if bodies is None else bodies.moved(to_here) for bodies in (self.earlier, self.last))
+        self.earlier = self.last
+        size = scaled(self.watch.size, 1 / zoom)
+        before = None if self.last is None else gone_on(self.last, earlier, size.length)
+        self.last = bodies_of(mask, size, picture, before, self.watch.margin / zoom)
         return self.last
 
     def next(self, k, picture, mask, small, bodies):

@@ -1,4 +1,4 @@
-"""How paths from a file of tracks were smoothed, so that simulated herds can be observed in the same way.
+"""How what was seen of animals was smoothed, so that simulated herds can be observed in the same way.
 
 Smooth paths turn less sharply than animals do, and their errors last as long as the smoother's window.  A herd that is
 compared with them must have gone through the same smoother.
@@ -10,7 +10,33 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flockbrush.film.local_fits import local_values
 from flockbrush.film.tracks import central_differences, smoothed_alike
+
+
+@dataclass(frozen=True)
+class SightSmoothing:
+    """The local polynomials of the bodies in a film (`flockbrush.film.sightings`), and the noise before them."""
+
+    half: int  # frames to each side
+    place: float  # BL along each direction
+    heading: float  # rad
+
+    def scaled(self, by: float) -> SightSmoothing:
+        """The same in other lengths."""
+        return replace(self, place=self.place * by)
+
+    def observed(self, xy, angle, fps: float, rng) -> tuple[np.ndarray, np.ndarray]:
+        """Paths and headings as they would be observed in such a film; arguments of `PathSmoothing.observed`."""
+        who, frame = np.nonzero(np.isfinite(xy[..., 0]).T)
+        begin = np.searchsorted(who, np.arange(xy.shape[1] + 1))
+        values = np.column_stack([xy[frame, who], np.unwrap(angle[frame, who])])
+        values += rng.normal(size=values.shape) * (self.place, self.place, self.heading)
+        seen = np.empty_like(values)
+        local_values(frame.astype(float), values, begin, float(self.half), seen)
+        paths, headings = np.full_like(xy, np.nan), np.full_like(angle, np.nan)
+        paths[frame, who], headings[frame, who] = seen[:, :2], seen[:, 2]
+        return paths, headings
 
 
 @dataclass(frozen=True)
@@ -20,7 +46,7 @@ class PathSmoothing:
     stiffness: float  # `flockbrush.film.tracks.smoothed`
     noise: float  # BL along each direction, of the positions in the file
     slow: float  # BL/s, below which directions of motion say nothing
-    by_motion: bool  # headings are directions of motion, not from the file
+    heading: float | None = None  # rad, noise of headings from the file; None: headings are directions of motion
 
     def scaled(self, by: float) -> PathSmoothing:
         """The same in other lengths."""
@@ -42,8 +68,8 @@ class PathSmoothing:
         ndarray (F, N, 2), ndarray (F, N)
         """
         paths = smoothed_alike(xy + self.noise * rng.normal(size=np.shape(xy)), self.stiffness)
-        if not self.by_motion:
-            return paths, np.asarray(angle)
+        if self.heading is not None:
+            return paths, angle + self.heading * rng.normal(size=np.shape(angle))
         return paths, headings_of(central_differences(paths) * fps, self.slow, angle)[0]
 
 

@@ -25,9 +25,10 @@ from numba import njit
 from scipy.spatial import cKDTree
 
 from flockbrush.film.body_matching import follow
-from flockbrush.film.body_outlines import LIKE
 from flockbrush.film.heads import by_looks
+from flockbrush.film.local_fits import fitted_along
 from flockbrush.film.observations import Sightings
+from flockbrush.film.path_smoothing import SightSmoothing
 
 SHORTEST = 4  # sights: a shorter track is no animal
 HALF = 0.08  # s to each side over which a track is smoothed, at least
@@ -37,8 +38,7 @@ UNSURE = 2.5  # times as noisy as usual: at the ends of tracks no turning is tol
 SMALL = 0.75  # of the usual area
 WALKED, SURE_WAY = 0.3, 8.0  # BL, and times the noise of a place: so far gone, the way tells how a body lies
 ACROSS = 0.8  # cosine of the angle between body and way: below, the axis seen is not the body's
-TOUCHES, DOUBTED = 0.5, 0.05  # weights of the axes of bodies that touch others, and of those that may be two
-UNLIKE = 0.5  # of what one animal may differ from the usual one: a body that touches others and differs more is doubted
+TOUCHES = 0.5  # weight of the axis of a body that touches others
 AROUND, PARALLEL = 5, 0.8  # bodies that touch no other, and how alike they lie, to tell how those beside them lie
 STILL = 0.25  # BL: an animal that moved less in all has a head at one end or the other
 
@@ -59,6 +59,12 @@ class SightingNoise:
     turn: float  # rad/s, the rate over `half` seconds to each side
     half: float  # s to each side that heading and turning are smoothed over
     unsure: float  # share of the sights whose head may be the other end
+
+    def smoothing(self, fps) -> SightSmoothing | None:
+        """The smoother of the sightings; None if unknown."""
+        if not np.isfinite((self.xy, self.axis, self.half)).all():
+            return None
+        return SightSmoothing(round(self.half * fps), self.xy, self.axis)
 
     def speed_errors(self, fps) -> np.ndarray:
         """(k,) covariances of the errors of an animal's speeds so many frames apart, BL²/s²; empty if unknown.
@@ -105,21 +111,8 @@ def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, SightingNois
     moves = None if flow is None else [np.asarray(f, float) @ m[:, :2].T for f in flow]
     names = _without_specks(follow(xy, axis, moves), xy, [b.area for b in frames], [b.alone for b in frames])
     ends = np.concatenate([b.ends for b in frames]) if _alike([b.ends for b in frames if len(b)]) else None
-    return _animals(xy, axis, _weights(frames), ends, names, float(fps))
-
-
-def _weights(frames):
-    """(k,) how much the axis of each body of all frames counts.
-
-    A body that touches others and does not have the size of one animal may be two, or a part: its axis is nobody's.
-    """
-    alone = np.concatenate([b.alone for b in frames])
-    weight = np.where(alone, 1.0, TOUCHES)
-    if alone.any():
-        for name, most in zip(("area", "length", "width"), LIKE, strict=True):
-            size = np.log(np.concatenate([getattr(b, name) for b in frames]))
-            weight[~alone & (np.abs(size - np.median(size[alone])) > UNLIKE * most)] = DOUBTED
-    return weight
+    weight = np.where(np.concatenate([b.alone for b in frames]), 1.0, TOUCHES)
+    return _animals(xy, axis, weight, ends, names, float(fps))
 
 
 def _without_specks(names, xy, area, alone):
@@ -205,7 +198,7 @@ def _smoothed(frame, at, along, weight, ends, begin, count, fps):
     at, along : (k, 2) ndarray
         Positions (BL) and axes (unit vectors).
     weight : (k,) ndarray
-        As of `_weights`.
+        How much the axis counts.
     ends : (k, m) ndarray
         Features of the ends, see `Bodies.ends`.
     begin : (tracks + 1,) ndarray
@@ -220,8 +213,8 @@ def _smoothed(frame, at, along, weight, ends, begin, count, fps):
     angle = np.empty(len(frame))
     moved = np.empty(len(frame))
     firm = max(noise_xy, 0.005)
-    along, aside = _along_the_way(frame, at, along, weight < TOUCHES, begin, max(2, round(HALF * fps)), firm)
-    weight = np.where(aside, 0.5 * np.maximum(weight, TOUCHES), weight)  # a way is not doubted
+    along, aside = _along_the_way(frame, at, along, begin, max(2, round(HALF * fps)), firm)
+    weight = np.where(aside, 0.5 * weight, weight)
     _heads(at, along, begin, firm, np.zeros(len(frame)), angle, moved)
     looks = by_looks(ends, along, np.column_stack([np.cos(angle), np.sin(angle)]), at, begin, firm, fps)
     if looks.any():
@@ -231,7 +224,7 @@ def _smoothed(frame, at, along, weight, ends, begin, count, fps):
     out_frame, out_track = _present(frame, begin)
     out = np.full((len(out_frame), 8), np.nan)
     first = np.concatenate([[0], np.cumsum(np.bincount(out_track, minlength=len(begin) - 1))])
-    _local(frame.astype(np.float64), at, angle, weight, begin, float(half), 4 * noise_axis, out_frame, first, out)
+    fitted_along(frame.astype(np.float64), at, angle, weight, begin, float(half), 4 * noise_axis, out_frame, first, out)
     place, v = out[:, 0:2], out[:, 2:4] * fps
     forward = np.column_stack([np.cos(out[:, 4]), np.sin(out[:, 4])])
     spread_turn, spread_v = out[:, 6], out[:, 7]
@@ -280,8 +273,8 @@ def _present(frame, begin):
     return np.concatenate(frames), np.repeat(np.arange(len(begin) - 1), [len(f) for f in frames])
 
 
-def _along_the_way(frame, at, along, doubted, begin, half, noise):
-    """Axes, replaced by the direction of motion where a fast animal seems to lie across it or its axis is doubted.
+def _along_the_way(frame, at, along, begin, half, noise):
+    """Axes, replaced by the direction of motion where a fast animal seems to lie across it.
 
     A fast animal moves along its body. An axis across the motion comes from two bodies that touch, or from a round
     body. Also returns where they were replaced (bool).
@@ -293,7 +286,7 @@ def _along_the_way(frame, at, along, doubted, begin, half, noise):
     distance = np.hypot(*way.T)
     way = way / np.maximum(distance, 1e-12)[:, None]
     fast = (distance > WALKED) & (distance > SURE_WAY * noise) & (frame[high] - frame[low] <= 2 * half)
-    aside = fast & (doubted | (np.abs((way * along).sum(1)) < ACROSS))
+    aside = fast & (np.abs((way * along).sum(1)) < ACROSS)
     return np.where(aside[:, None], way, along), aside
 
 
@@ -334,97 +327,3 @@ def _heads(at, along, begin, noise, looks, angle, moved):
         for k in range(a + 1, b):
             angle[k] -= 2 * np.pi * np.round((angle[k] - angle[k - 1]) / (2 * np.pi))
         moved[a:b] = distance
-
-
-@njit(cache=True, nogil=True)
-def _local(frame, at, angle, weight, begin, half, far, out_frame, first, out):
-    """Fit positions, headings and their rates around every frame of every track, into `out` (rows, 8).
-
-    Positions and headings are fitted by quadratics, velocities by lines, within `half` frames to each side; axes more
-    than `far` rad off the fit get almost no weight. Columns: x, y (BL), their rates (BL per frame), heading (rad), its
-    rate (rad per frame), and the factors by which noise of one body enters the rates of heading and of position.
-    """
-    for track in range(len(begin) - 1):
-        a, b = begin[track], begin[track + 1]
-        for row in range(first[track], first[track + 1]):
-            t = out_frame[row]
-            wide = half
-            lo, hi = a, b
-            while True:
-                while lo < b and frame[lo] < t - wide:
-                    lo += 1
-                hi = lo
-                while hi < b and frame[hi] <= t + wide:
-                    hi += 1
-                if hi - lo >= min(2 * half + 1, b - a):  # as many at the ends of a track as in its middle
-                    break
-                wide += 1.0
-                lo = a
-            n = hi - lo
-            u = frame[lo:hi] - t
-            w = np.ones(n)
-            x = _quadratic(u, at[lo:hi, 0], w, n)[0]
-            y = _quadratic(u, at[lo:hi, 1], w, n)[0]
-            rx, nv = _slope(u, at[lo:hi, 0])
-            ry, nv = _slope(u, at[lo:hi, 1])
-            w[:] = weight[lo:hi]
-            h, turn, nt = _quadratic(u, angle[lo:hi], w, n)
-            # an axis that is far off its track is another animal's, or two animals'
-            off = np.empty(n)
-            middle = np.median(angle[lo:hi])
-            slope = 0.0
-            for k in range(n):
-                off[k] = np.abs(angle[lo + k] - (h + turn * u[k]))
-            if off.max() > far:
-                diff = np.empty(n - 1)
-                for k in range(n - 1):
-                    diff[k] = (angle[lo + k + 1] - angle[lo + k]) / (u[k + 1] - u[k])
-                slope = np.median(diff)
-                rest = np.empty(n)
-                for k in range(n):
-                    rest[k] = angle[lo + k] - slope * u[k]
-                middle = np.median(rest)
-                for k in range(n):
-                    if np.abs(rest[k] - middle) > far:
-                        w[k] = 1e-3
-                h, turn, nt = _quadratic(u, angle[lo:hi], w, n)
-            out[row, 0], out[row, 1], out[row, 2], out[row, 3] = x, y, rx, ry
-            out[row, 4], out[row, 5], out[row, 6], out[row, 7] = h, turn, nt, nv
-
-
-@njit(cache=True, nogil=True)
-def _slope(u, values):
-    """Slope of the least-squares line through points, and the factor by which the noise of a value enters it."""
-    off = u - u.mean()
-    square = (off * off).sum()
-    return (off * values).sum() / square, 1.0 / np.sqrt(square)
-
-
-@njit(cache=True, nogil=True)
-def _quadratic(u, values, w, n):
-    """Value and slope at 0 of the weighted quadratic through points, and the factor of noise in the slope."""
-    s0 = s1 = s2 = s3 = s4 = 0.0
-    y0 = y1 = y2 = 0.0
-    for k in range(n):
-        p = w[k] * u[k]
-        q = p * u[k]
-        s0 += w[k]
-        s1 += p
-        s2 += q
-        s3 += q * u[k]
-        s4 += q * u[k] * u[k]
-        y0 += w[k] * values[k]
-        y1 += p * values[k]
-        y2 += q * values[k]
-    s4 += 1e-9
-    # the first two rows of the inverse of the matrix of sums
-    a, b, c = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
-    d, e = s0 * s4 - s2 * s2, s1 * s2 - s0 * s3
-    whole = s0 * a + s1 * b + s2 * c
-    noise = 0.0
-    for k in range(n):
-        g = w[k] * (b + d * u[k] + e * u[k] * u[k])
-        noise += g * g
-    value = (a * y0 + b * y1 + c * y2) / whole
-    slope = (b * y0 + d * y1 + e * y2) / whole
-    return value, slope, np.sqrt(noise) / np.abs(whole)

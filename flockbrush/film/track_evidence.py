@@ -180,10 +180,10 @@ class _Motion:
         wrong = ((other - velocity) * np.stack([np.cos(angle), np.sin(angle)], -1)).sum(-1)
         lags = range(min(len(wrong), round(2 * window * fps)))
         errors = np.nan_to_num([np.nanmean(wrong[: len(wrong) - k] * wrong[k:]) for k in lags])
-        smoothing = PathSmoothing(paths.stiffness, paths.noise, slow, pieces.heading is None)
+        noise = float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0  # rad
+        smoothing = PathSmoothing(paths.stiffness, paths.noise, slow, None if pieces.heading is None else noise)
         return cls(
-            paths.px, velocity, angle, turn, smoothing, _spread(off),
-            float(np.sqrt(np.nanmean(apart[fast] ** 2))) if fast.any() else 0.0, float(window), errors,
+            paths.px, velocity, angle, turn, smoothing, _spread(off), noise, float(window), errors,
             ~sure.any(0),
         )  # fmt: skip
 

@@ -174,13 +174,11 @@ def _as_often(run, clip):
 
 
 def _smoothed_run(run, inside, frame, clip, rng):
-    """Positions and headings (m, 2) of those inside, observed as a file of tracks is."""
+    """Positions and headings (m, 2) of those inside, observed as the animals of the clip were."""
     names, who = np.unique(run.ids[inside], return_inverse=True)
     xy, angle = np.full((len(run), len(names), 2), np.nan), np.full((len(run), len(names)), np.nan)
     xy[frame, who] = run.xy[inside]
     angle[frame, who] = np.arctan2(run.forward[inside, 1], run.forward[inside, 0])
-    if not clip.smoothing.by_motion:
-        angle += clip.heading_noise * rng.normal(size=angle.shape)
     xy, angle = clip.smoothing.observed(xy, angle, clip.fps, rng)
     angle = angle[frame, who]
     return xy[frame, who], np.column_stack([np.cos(angle), np.sin(angle)])

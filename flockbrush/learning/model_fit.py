@@ -127,7 +127,7 @@ def answering(given: ModelSetting, kind: Likelihood, params, seed: int):
 
     How much they wander is only found so in tracks: in a film, bodies that touch make errors that no herd is given.
     """
-    if chance_of(params) and all(clip.smoothing is not None for clip in given.clips):
+    if chance_of(params) and all(clip.from_tracks for clip in given.clips):
         params = params.model_copy(update=chance_found(given, place(given.numbers, params), {}, seed))
     step = answer_step(given, place(given.numbers, params), {}, seed)
     if step is None:

@@ -45,6 +45,6 @@ def test_the_smoother_is_saved_with_what_was_observed(tmp_path):
     _, clip = truth_and_clip("herd")
     clip.save(tmp_path / "fields.npz")
     assert Evidence.load(tmp_path / "fields.npz").smoothing == clip.smoothing
-    assert clip.smoothing.by_motion and clip.smoothing.noise == pytest.approx(NOISE, rel=0.3)
+    assert clip.smoothing.heading is None and clip.smoothing.noise == pytest.approx(NOISE, rel=0.3)
     twice = clip.in_lengths_of(0.5 * clip.clip_body_px).smoothing
     assert twice.noise == pytest.approx(2 * clip.smoothing.noise) and twice.stiffness == clip.smoothing.stiffness

@@ -134,23 +134,6 @@ def test_an_axis_that_is_another_animals_turns_nobody():
     assert np.abs(off_by(sightings.forward, angle[0])).max() < 8
 
 
-@pytest.mark.parametrize(
-    ("larger", "alone", "believed"), [(1.0, True, 30), (1.0, False, 30), (1.3, True, 30), (1.3, False, 0)]
-)
-def test_the_axis_of_a_body_that_may_be_two_is_doubted_and_its_way_tells_its_heading(larger, alone, believed):
-    """An axis 30 degrees off for half a second is believed, except of a body that touches others and is too large."""
-    frames, angle = walk(turn=0.0)
-    c, s = np.cos(np.radians(30)), np.sin(np.radians(30))
-    for t in range(14, 27):
-        f = frames[t]
-        axis, area, apart = f.axis.copy(), f.area.copy(), f.alone.copy()
-        axis[3], area[3], apart[3] = axis[3] @ [[c, s], [-s, c]], larger * area[3], alone
-        frames[t] = Outlines(f.xy, axis, f.length, f.width, area, apart)
-    sightings, _ = sightings_of(frames, 25, TO_BL)
-    off = np.abs(off_by(sightings.forward[sightings.of(20)], angle[0]))
-    assert off.max() == pytest.approx(believed, abs=1.0)
-
-
 def test_animals_that_stand_lie_as_they_lie_and_their_heads_are_unsure():
     frames, angle = walk(speed=0.0, turn=0.0, noise=0.01)
     sightings, noise = sightings_of(frames, 25, TO_BL)
