@@ -147,6 +147,8 @@ class Brush(FileSpec):
         title = f' "{self.title}"' if self.title else ""
         return f"<Brush {self.name}{title}: {self.model}, {self.speed.mean:g} BL/s, {self.provenance.kind}>"
 
+    __str__ = __repr__
+
     def __eq__(self, other):
         return isinstance(other, Brush) and self.__dict__ == other.__dict__
 

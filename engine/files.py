@@ -13,6 +13,7 @@ import hashlib
 import os
 import re
 import secrets
+import shutil
 import stat
 import sys
 import tempfile
@@ -223,6 +224,20 @@ def write_bytes(path, data, overwrite=True) -> Path:
 def write_text(path, text: str) -> Path:
     """Write a text file, whole or not at all; NotWritten as `whole`."""
     return write_bytes(path, text.encode())
+
+
+def kept_beside(path) -> Path | None:
+    """Keep a file that is about to be replaced as ``NAME.bak``, too; where that is, None if there is no such file."""
+    path = Path(path)
+    if not path.is_file():
+        return None
+    beside = path.with_name(path.name + ".bak")
+    with whole(beside) as new:
+        try:
+            os.link(path, new)
+        except OSError:  # a disk without hard links, or another name for a file elsewhere
+            shutil.copyfile(path, new)
+    return beside
 
 
 def work_folder(path, token="") -> Path:

@@ -16,7 +16,7 @@ from pathlib import Path
 from flockbrush.engine import limits
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import Commands, to_json
-from flockbrush.engine.files import hold
+from flockbrush.engine.files import hold, kept_beside
 from flockbrush.engine.fingerprint import package_versions
 from flockbrush.engine.keyframe_spacing import KeyframeSpacing
 from flockbrush.engine.recording_format import (
@@ -51,8 +51,9 @@ MANY = 20_000  # animals; from there on a snapshot takes so long that there is n
 class Recording:
     """A recording being written.  Make one with `create`; close it, or use it in a ``with``."""
 
-    def __init__(self, path, file, work):
+    def __init__(self, path, file, work, earlier=None):
         self.path, self._file, self._work = Path(path), file, work
+        self.earlier = earlier  # where the file is kept that had this name, or None
         self.last_tick, self._room = 0, CommandRoom(path)
 
     def __repr__(self):
@@ -65,7 +66,7 @@ class Recording:
         Parameters
         ----------
         path : path-like
-            A file there is replaced, but only once the new beginning is whole.
+            A file there is kept as ``NAME.bak``.
         header : dict
             As JSON; must have ``seed`` and ``dt``.  Format and package versions are added.
         assets : dict of str to bytes
@@ -89,8 +90,9 @@ class Recording:
                 file.write(beginning(FORMAT))
                 file.write(record(HEADER, 0, head))
                 file.writelines(record(ASSET, 0, name.encode() + b"\0" + assets[name]) for name in sorted(assets))
+            earlier = kept_beside(path)
             work.publish()
-            return cls(path, open(path, "ab"), work)
+            return cls(path, open(path, "ab"), work, earlier)
         except OSError as error:
             if work is not None:
                 work.close()

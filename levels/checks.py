@@ -173,13 +173,15 @@ class _Checks:
         report = self.objects.reader
         for thing in [*self.level.zones, *self.level.brush_layers]:
             place = self.place(thing) if thing in self.level.zones else report.place
+            named = f"{thing.name!r}: " if thing.name else ""
             for name in thing.bounds.species:
                 if name not in known:
                     place.say(
-                        f"{thing.name!r}: species: there is no species or tag {name!r}{did_you_mean(name, known)}"
+                        f"{named}species: there is no species or tag {name!r}{did_you_mean(name, known)}"
                     )
             if thing.bounds.z_min >= thing.bounds.z_max:
-                place.say(f"{thing.name!r}: z_min must be below z_max")
+                low, high = thing.bounds.z_min, thing.bounds.z_max
+                place.say(f"{named}z_min must be below z_max, got {low:g} and {high:g}")
 
     def free(self, spawn):
         """Share of the spawn's area where an animal can stand."""

@@ -304,8 +304,7 @@ class Editor(CommandStack):
             if source.is_relative_to(root):
                 new = PurePosixPath(os.path.relpath(source, target_folder).replace(os.sep, "/")).as_posix()
             else:
-                new = f"tilesets/{source.name}" if name.endswith(".tsj") else source.name
-                _copy_beside(source, target_folder / new)
+                new = _copied_beside(source, to)
             if new != name:
                 moved[name] = new
         return moved
@@ -419,19 +418,32 @@ def _step_of(record):
     return EditStep(record["label"], *sides, record["tick"], record["join"], record["serial"])
 
 
-def _copy_beside(source, target):
-    """Copy a file a level needs, and the picture of a tileset with it; one that is there stays."""
+def _copied_beside(source, level):
+    """Copy a file that a level needs beside it, and the picture of a tileset with it; its name there.
+
+    Files of others keep their names: where one has the same name and other contents, the copy is called otherwise.
+    """
+    tiles = source.suffix == ".tsj"
+    names = ["tilesets/" if tiles else "", f"tilesets/{level.stem}/" if tiles else f"{level.stem}-"]
+    names += [f"tilesets/{level.stem}-{k}/" if tiles else f"{level.stem}-{k}-" for k in range(2, 100)]
+    files = [file for file in (source, source.with_suffix(".png")) if file.is_file()]
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        for old, new in ((source, target), (source.with_suffix(".png"), target.with_suffix(".png"))):
-            if old.is_file() and not new.exists():
-                write_bytes(new, old.read_bytes())
+        for name in names:
+            targets = [level.parent / (name + file.name) for file in files]
+            pairs = list(zip(files, targets, strict=True))
+            if all(not new.exists() or new.read_bytes() == file.read_bytes() for file, new in pairs):
+                break
+        for file, new in pairs:
+            if not new.exists():
+                new.parent.mkdir(parents=True, exist_ok=True)
+                write_bytes(new, file.read_bytes())
     except ProblemsError:  # it names the file
         raise
     except OSError as error:
         raise ProblemsError(
-            [Problem(str(target), None, None, f"cannot be written: {error.strerror or error}")]
+            [Problem(str(level), None, None, f"{source.name} cannot be copied beside it: {error.strerror or error}")]
         ) from None
+    return name + source.name
 
 
 def _picture(meanings, entry, library):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from flockbrush.engine import limits
-from flockbrush.engine.files import refused, write_bytes
+from flockbrush.engine.files import kept_beside, refused, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from flockbrush.levels.json_lines import JsonError, parse
 from flockbrush.levels.schema import CLASSES
@@ -94,12 +94,11 @@ def write_level(document: dict, path, backup=True) -> Path:
     """
     path = Path(path)
     data = (dump(document)).encode()
-    if backup and path.exists():
-        try:
-            before = path.read_bytes()
-        except OSError as error:
-            raise refused(path, f"cannot be read: {error.strerror or error}") from None
-        write_bytes(path.with_name(path.name + ".bak"), before)
+    try:
+        if backup and path.exists() and path.read_bytes() != data:
+            kept_beside(path)
+    except OSError as error:
+        raise refused(path, f"cannot be read: {error.strerror or error}") from None
     return write_bytes(path, data)
 
 

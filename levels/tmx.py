@@ -20,7 +20,9 @@ _NUMBERS = (
     "parallaxoriginx parallaxoriginy tile pixelsize"
 )
 _SWITCHES = "infinite visible repeatx repeaty locked wrap bold italic underline strikeout kerning"
-_TEXTS = frozenset({"data", "property", "text"})  # elements whose text counts
+_WORDS = frozenset({"color", "file", "string"})  # types of properties
+_TYPES = _WORDS | {"bool", "class", "float", "int", "object"}
+_TEXTS = frozenset({"chunk", "data", "property", "text"})  # elements whose text counts
 
 
 @dataclass
@@ -162,8 +164,10 @@ def _property(element):
         if text not in ("true", "false"):
             raise JsonError(f"{name} must be true or false, got {text[:40]!r}", element.line)
         node["value"] = text == "true"
-    else:
+    elif kind in _WORDS:
         node["value"] = text
+    else:
+        raise JsonError(f"{name} has the type {kind[:40]!r}; types are {', '.join(sorted(_TYPES))}", element.line)
     return node
 
 
@@ -237,7 +241,9 @@ def _image_layer(element):
     node = _layer(element)
     image = element.first("image")
     node["image"] = image.attributes.get("source", "") if image else ""
-    return node | _transparent(image) if image else node
+    if image:
+        node.update(_transparent(image))
+    return node
 
 
 def _group(element):

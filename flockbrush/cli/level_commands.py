@@ -133,6 +133,8 @@ def recorder_of(path, simulation, keyframes=None):
         yield None
         return
     recorder = running.record(path, simulation, keyframes)
+    if recorder.recording.earlier is not None:
+        say(f"{path}: the recording that was there is kept as {recorder.recording.earlier.name}")
     try:
         yield recorder
     except (Stopped, CommandError):

@@ -19,10 +19,10 @@ from flockbrush.cli.shared_options import (
 
 
 def is_tracks(path):
-    """Whether this is the name of a file of tracks."""
-    from flockbrush.film.track_files import ENDINGS
+    """Whether this is a file of tracks, by its name, or a folder of them."""
+    from flockbrush.film import track_files
 
-    return Path(path).suffix.lower() in ENDINGS
+    return track_files.is_tracks(Path(path))
 
 
 @grouped

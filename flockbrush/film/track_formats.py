@@ -472,13 +472,27 @@ def trex_files(path) -> list[Path]:
     return sorted(p for p in Path(path).iterdir() if p.suffix.lower() in (".npz", ".csv") and p.is_file())
 
 
+def _of_places(file) -> bool:
+    """Whether a file in a folder of TRex may have places: it writes others there, such as of postures."""
+    if file.suffix.lower() == ".csv":
+        return True
+    try:
+        with zipfile.ZipFile(file) as packed:
+            return _trex_columns([name.removesuffix(".npy") for name in packed.namelist()]) is not None
+    except (zipfile.BadZipFile, OSError):
+        return True  # reading it says what is wrong
+
+
 def trex_folder(path) -> TrackTable:
     """Tracks of all animals in a folder of TRex files, npz or csv. ProblemsError."""
     files = trex_files(path)
     if len(files) > 10_000:
         raise refused(path, f"has {len(files)} files; one file per animal is expected")
+    others = [file for file in files if not _of_places(file)]
+    if len(others) == len(files):
+        raise refused(path, "no file in it has X#wcentroid and Y#wcentroid, as files of TRex have")
     tables = []
-    for file in files:
+    for file in (file for file in files if file not in others):
         tables.append((trex_file if file.suffix.lower() == ".npz" else csv_table)(file))
         if sum(table.xy.size for table in tables) > limits.TRACK_NUMBERS:
             raise refused(path, f"its files have more than {limits.TRACK_NUMBERS.text}")
@@ -489,4 +503,5 @@ def trex_folder(path) -> TrackTable:
     xy = np.concatenate([t.xy.reshape(-1, 2) for t in tables])
     good = np.isfinite(xy).all(1)
     places, ids, numbers, _ = placed(path, frames[good], names, animal[good], xy[good])
-    return TrackTable(places, ids, numbers, tables[0].fps, tables[0].unit, True)
+    told = [f"files without places were left out: {', '.join(file.name for file in others[:5])}"] if others else []
+    return TrackTable(places, ids, numbers, tables[0].fps, tables[0].unit, True, notes=told)

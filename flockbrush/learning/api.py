@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from flockbrush.behaviours.brush import Brush
+from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.film.arena import Arena
 from flockbrush.film.open_clip import Looking
 from flockbrush.film.track_files import UNITS, is_tracks
@@ -19,6 +20,10 @@ from flockbrush.learning.confounding import Estimate, estimates_of
 from flockbrush.learning.result import Findings
 from flockbrush.learning.which_model import ModelComparison
 
+ARGUMENTS = {  # of options in messages
+    "--unit m, px or bl": 'unit="m", "px" or "bl"', "--unit": "unit", "--fps": "fps", "--frames": "frames",
+    "--body-length-px": "body_length", "--body-length-m": "body_length", "--arena": "arena", "--model": "model",
+}  # fmt: skip
 Tracks = str | os.PathLike | np.ndarray
 
 
@@ -55,6 +60,9 @@ class LearnedBrush:
     notes: list[str]
     findings: Findings
     models: ModelComparison | None = None
+
+    def __repr__(self):
+        return f"<LearnedBrush {self.brush.name}: {self.verdict}>"
 
     def parameter(self, name: str) -> Estimate:
         """One number of the model, such as "alignment_weight".
@@ -109,6 +117,8 @@ def learn(
             A first impression.
         thorough : bool, False
             Search with four times as much work.
+        share : float, .5
+            Of the frames that the brush is learned from; the others judge it.
         jobs : int, 1
             Processes.
         licence : str, optional
@@ -137,8 +147,10 @@ def learn(
     from flockbrush.runs.cluster import Tls
 
     given = _given(tracks, options)
+    if not name or Path(name).name != name:
+        raise ValueError(f"name must be a name and not a path, got {name!r}")
     of_tracks = all(isinstance(one, np.ndarray) or is_tracks(one) for one in given)
-    looking = replace(_looking(unit, body_length, of_tracks, arena), frames=frames, fps=fps)
+    looking = replace(_looking(unit, fps, body_length, of_tracks, arena), frames=frames)
     with tempfile.TemporaryDirectory(prefix="flockbrush-learn-") as folder:
         wishes = LearnOptions(
             clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],
@@ -146,30 +158,53 @@ def learn(
             workers=None if cluster is None else (cluster, Tls()), command="flockbrush.learn(...)", silent=True,
             length_m=None if of_tracks else looking.body_length_m, **options,
         )  # fmt: skip
-        found = learn_brushes(wishes)[0]
+        try:
+            found = learn_brushes(wishes)[0]
+        except ProblemsError as error:
+            raise _in_words_of_python(error, folder) from None
     return result_of(found)
+
+
+def _in_words_of_python(error, folder) -> ProblemsError:
+    """Problems with the names of arguments for those of options, and without the folder that arrays are kept in."""
+    told = []
+    for problem in error.problems:
+        message = problem.message
+        for option, argument in ARGUMENTS.items():
+            message = message.replace(option, argument)
+        told.append(replace(problem, file=problem.file.removeprefix(folder + os.sep), message=message))
+    return ProblemsError(told)
 
 
 def _given(tracks, options) -> list:
     """The tracks one by one; ValueError where there are none, or where options ask for nothing."""
+    from flockbrush.learning.learn import LearnOptions
+
     for name in ("starts", "jobs"):
         if options.get(name, 1) < 1:
             raise ValueError(f"{name} must be at least 1, got {options[name]!r}")
+    if not 0.1 <= options.get("share", 0.5) <= 1.0:
+        raise ValueError(f"share must be .1 to 1, got {options['share']!r}")
+    known = {field.name for field in fields(LearnOptions)}
+    for name in options.keys() - known:
+        raise TypeError(f"learn has no argument {name!r}{did_you_mean(name, known)}")
     given = list(tracks) if isinstance(tracks, Sequence) and not isinstance(tracks, str) else [tracks]
     if not given:
         raise ValueError("there are no tracks to learn from")
     return given
 
 
-def _looking(unit, body_length, of_tracks, arena) -> Looking:
+def _looking(unit, fps, body_length, of_tracks, arena) -> Looking:
     """How tracks or films are looked at; the length counts in the unit that tracks name themselves."""
     if unit is not None and unit not in UNITS:
         raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {unit!r}")
+    if fps is not None and not (np.isfinite(fps) and fps > 0):
+        raise ValueError(f"fps must be above 0, got {fps!r}")
     if body_length is not None and not (np.isfinite(body_length) and body_length > 0):
         raise ValueError(f"body_length must be above 0, got {body_length!r}")
     in_pixels = unit == "px" or (unit is None and of_tracks)
     return Looking(
-        unit=unit, body_length_px=body_length if in_pixels else None,
+        unit=unit, fps=fps, body_length_px=body_length if in_pixels else None,
         body_length_m=None if unit == "px" else body_length, arena=None if arena is None else Arena.read(arena),
     )  # fmt: skip
 
@@ -185,11 +220,17 @@ def _file(one, number, folder):
     return path
 
 
+def _plain(value):
+    """A number as Python has it."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
 def result_of(found: Findings) -> LearnedBrush:
     """What a person is given of everything that came of learning."""
     judgement = found.judgement
     rows = [] if judgement is None else [
-        {**vars(row), "met": bool(row.met), "told": row.name in judgement.told} for row in judgement.brush.rows
+        {key: _plain(value) for key, value in vars(row).items()}
+        | {"met": bool(row.met), "told": row.name in judgement.told} for row in judgement.brush.rows
     ]  # fmt: skip
     notes = [*found.notes, *(note for clip in found.clips for note in clip.notes), *found.learned.notes]
     return LearnedBrush(

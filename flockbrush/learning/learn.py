@@ -217,7 +217,8 @@ def _looked(clip, wishes) -> ClipFolds:
             page = write_partial(wishes.report, clip, str(error), _all_seen(clip, facts), wishes.command)
             say(f"wrote {page}, with the observations so far")
         raise
-    tell_notes(clip, whole)
+    if not wishes.silent:
+        tell_notes(clip, whole)
     if whole.still:
         whole = standing(whole, SPEED if wishes.speed is None else wishes.speed)
         return ClipFolds(whole)

@@ -199,7 +199,7 @@ def _judgement(row, after) -> str:
     met = "met" if row.met else "missed"
     return (
         f"{row.name.capitalize()}{after}: {row.clip:z.2f} in the clip, {row.herd:z.2f} simulated"
-        f"{f' ({unit})' if unit else ''}; {met}, difference {row.off:.2f}, limit {row.limit:.2f}."
+        f"{f' ({unit})' if unit else ''}; {met}, off by {row.off:.3g}, limit {row.limit:.3g}."
     )
 
 

@@ -126,7 +126,11 @@ class SessionFiles:
             own = [name for name in brushes_used(level) if name not in known]
             files |= {f"brushes/{name}{SUFFIX}": self.library.path(name).read_bytes() for name in own}
             for name, data in files.items():
-                if not (to.parent / name).exists():
+                if (to.parent / name).exists():
+                    if (to.parent / name).read_bytes() != data:
+                        told = f"{to.parent / name} is another file of this name, which the level uses from now on"
+                        self._say("warning", told)
+                else:
                     (to.parent / name).parent.mkdir(parents=True, exist_ok=True)
                     write_bytes(to.parent / name, data, overwrite=False)
         except (ProblemsError, OSError) as error:

@@ -63,6 +63,7 @@ class Window:
         self.buttons: dict = {}
         self._held: tuple | None = None  # what the mouse holds
         self._opening_key = OpeningKey()
+        self._held: set[int] = set()  # keys that are down
         self.failed = False  # whether it was closed by an exception
         self._over: Window | None = None  # to be opened over this one
 
@@ -199,9 +200,22 @@ class Window:
     # events ------------------------------------------------------------------------
 
     def events(self):
-        """Handle all events since the last frame; of resizes in a row only the last."""
+        """Handle all events since the last frame; of resizes in a row only the last.
+
+        Keys repeat by a clock that goes on while a frame takes long: a key that was let go since was pressed once.
+        """
         waiting: list = []
-        for event in pygame.event.get():
+        since = pygame.event.get()
+        let_go = {event.key for event in since if event.type == pygame.KEYUP}
+        for event in since:
+            if event.type == pygame.WINDOWFOCUSLOST:  # others hear of keys that are let go from then on
+                self._held.clear()
+            elif event.type == pygame.KEYUP:
+                self._held.discard(event.key)
+            elif event.type == pygame.KEYDOWN:
+                if event.key in self._held & let_go:
+                    continue
+                self._held.add(event.key)
             if event.type == pygame.VIDEORESIZE and waiting and waiting[-1].type == pygame.VIDEORESIZE:
                 waiting.pop()
             waiting.append(event)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from flockbrush.engine.problems import ProblemsError
 
 import flockbrush
 from flockbrush.cli.main import called
@@ -101,6 +102,26 @@ def test_options_that_ask_for_nothing_are_refused(tracks, wrong):
         flockbrush.learn(tracks, unit="m", fps=16, **wrong)
     with pytest.raises(ValueError, match="no tracks"):
         flockbrush.learn([])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"share": 2}, "share must be .1 to 1, got 2"), ({"fps": 0}, "fps must be above 0, got 0"),
+        ({"name": "a/b"}, "name must be a name and not a path"),
+        ({"quik": True}, "learn has no argument 'quik'; did you mean 'quick'?"),
+        ({"unit": None}, 'tracks1.npy: has no unit for x and y: give it with unit="m", "px" or "bl"'),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_in_words_of_python(tracks, wrong, told):
+    with pytest.raises((ValueError, TypeError, ProblemsError)) as error:
+        flockbrush.learn(tracks, **{"unit": "m", "fps": 16} | wrong)
+    assert str(error.value).startswith(told)
+
+
+def test_what_was_learned_is_shown_in_a_line(learned, capsys):
+    assert repr(learned) == f"<LearnedBrush marchers: {learned.verdict}>" and str(learned.brush) == repr(learned.brush)
+    assert {type(row["off"]) for row in learned.measures} == {float}
 
 
 def test_the_command_learns_from_a_table_with_gaps(tracks, hasty_learning, tmp_path, capsys):

@@ -208,8 +208,8 @@ BAD_REQUESTS = [
     ('{"command": ["Gusty", {}]}', "unknown command 'Gusty'; did you mean 'Gust'?"),
     ('{"command": ["Gust", {"x": 1, "y": 2, "w": 3}]}', "Gust has no field 'w'"),
     ('{"command": ["Gust", {"x": 1}]}', "Gust needs y"),
-    ('{"command": ["Gust", {"x": NaN, "y": 2}]}', "NaN is not allowed as a number in a command"),
-    ('{"command": ["Gust", {"x": 1e999, "y": 2}]}', "Infinity is not allowed as a number in a command"),
+    ('{"command": ["Gust", {"x": NaN, "y": 2}]}', "NaN and Infinity are not allowed as numbers in a command"),
+    ('{"command": ["Gust", {"x": 1e999, "y": 2}]}', "NaN and Infinity are not allowed as numbers in a command"),
     ('{"command": ["Gust", {"x": "east", "y": 2}]}', "Gust.x must be a number, got 'east'"),
     ('{"command": ["Steer", {"entities": [123456789]}]}', "123456789"),
 ]

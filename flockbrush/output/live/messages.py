@@ -41,9 +41,7 @@ def read_request(message) -> Request:
     if not isinstance(message, str):
         raise RequestError("a request must be a text message with JSON, got bytes")
     try:
-        request = json.loads(message, parse_constant=_no_number)
-    except RequestError:
-        raise
+        request = json.loads(message)
     except (ValueError, RecursionError) as error:
         raise RequestError(f"this is not JSON: {error}") from None
     if not isinstance(request, dict):
@@ -63,7 +61,12 @@ def _request(number, asked, value):
     if asked == "command":
         if not isinstance(value, list):
             raise ValueError('command must be ["NAME", {...}]')
-        return Request(number, from_json(json.dumps(value)))
+        try:
+            return Request(number, from_json(json.dumps(value, allow_nan=False)))
+        except ValueError as error:
+            if "JSON compliant" not in str(error):
+                raise
+            raise ValueError("NaN and Infinity are not allowed as numbers in a command") from None
     if asked == "undo":
         if value is not True:
             raise ValueError('undo must be true: {"undo": true}')
@@ -71,10 +74,6 @@ def _request(number, asked, value):
     if not isinstance(value, bool):
         raise ValueError("play must be true or false")
     return Request(number, play=value)
-
-
-def _no_number(word):
-    raise RequestError(f"{word} is not allowed as a number in a command")
 
 
 # what clients are told ---------------------------------------------------------------------

@@ -2,20 +2,23 @@
 "use strict";
 
 const FONT = "12px system-ui, 'DejaVu Sans', sans-serif";
+const NARROWEST = 135;  // px of a chart, with its name and value beside each other
 
 class Charts {
   constructor(canvas, about, duration) {
     Object.assign(this, { canvas, about, duration });
     this.context = canvas.getContext("2d");
-    this.shown = about.measures.filter((m) => m.values.some((value) => value !== null));
+    this.known = about.measures.filter((m) => m.values.some((value) => value !== null));
+    this.shown = this.known;
     this.still = null;
-    canvas.title = this.shown.map((m) => `${m.name}: ${m.meaning}`).join("\n");
+    canvas.title = this.known.map((m) => `${m.name}: ${m.meaning}`).join("\n");
   }
 
   resize() {
     const ratio = window.devicePixelRatio || 1, box = this.canvas.getBoundingClientRect();
     this.width = box.width;
     this.height = box.height;
+    this.shown = this.known.slice(0, Math.max(1, Math.floor(this.width / NARROWEST)));
     this.canvas.width = Math.round(box.width * ratio);
     this.canvas.height = Math.round(box.height * ratio);
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);

@@ -48,6 +48,9 @@ class Player {
     $("orbit").classList.toggle("on", name === "orbit");
     $("plan").classList.toggle("on", name === "plan");
     const { width, height } = this.place.place, aspect = this.camera.aspect, run = this.run;
+    this.camera.far = 60 * Math.max(width, height);
+    this.camera.near = Math.max(0.05, 0.001 * Math.max(width, height));
+    this.camera.updateProjectionMatrix();
     const tall = Math.max(0, ...run.z.subarray(0, run.count));
     const low = new THREE.Vector2(0, 0), high = new THREE.Vector2(width, height);
     const half = Math.tan(this.camera.fov * Math.PI / 360);
@@ -62,16 +65,27 @@ class Player {
       this.orbit.enableRotate = false;
     } else {
       Object.assign(this.orbit, { minPolarAngle: 0, maxPolarAngle: 1.54, enableRotate: true });
-      const far = Math.max(across / aspect * 1.02, deep * 0.86) / 2 / half * 1.05;
-      this.camera.position.set(target.x - 0.1 * far, target.y - 0.8 * far, target.z + 0.6 * far);
       target.y -= 0.07 * deep;
+      const corners = [[low.x, low.y], [high.x, low.y], [low.x, high.y], [high.x, high.y]];
+      let far = Math.max(across, deep) / 4;
+      do {
+        this.camera.position.set(target.x - 0.1 * far, target.y - 0.8 * far, target.z + 0.6 * far);
+        far *= 1.03;
+      } while (!this.shows(corners, target) && far < 50 * Math.max(across, deep));
     }
-    this.camera.far = 60 * Math.max(width, height);
-    this.camera.near = Math.max(0.05, 0.001 * Math.max(width, height));
-    this.camera.updateProjectionMatrix();
     this.orbit.target.copy(target);
     this.orbit.update();
     this.dirty = true;
+  }
+
+  // Whether points of the ground are in the picture, above the charts.
+  shows(points, target) {
+    this.camera.lookAt(target);
+    this.camera.updateMatrixWorld();
+    return points.every(([x, y]) => {
+      const at = new THREE.Vector3(x, y, 0).project(this.camera);
+      return at.z < 1 && Math.abs(at.x) < 0.98 && at.y > -0.68 && at.y < 0.9;
+    });
   }
 
   listen() {
@@ -102,7 +116,7 @@ class Player {
   key(event) {
     if (event.target.tagName === "SELECT" || event.ctrlKey || event.metaKey || event.altKey) return;
     const does = { " ": () => this.play(!this.playing), ArrowLeft: () => this.step(-1), ArrowRight: () => this.step(1), o: () => this.view("orbit"),
-      p: () => this.view("plan"), i: () => this.toggleAbout(), Escape: () => this.select(null), Home: () => this.seek(0) }[event.key];
+      p: () => this.view("plan"), i: () => this.toggleAbout(), Escape: () => ($("about").hidden ? this.select(null) : this.toggleAbout()), Home: () => this.seek(0) }[event.key];
     if (!does || (event.target.tagName === "BUTTON" && event.key === " ")) return;
     event.preventDefault();
     does();

@@ -58,7 +58,7 @@ class Predator(Tool):
     """Puts one predator down, which belongs to the level from then on."""
 
     name, title, key, icon = "predator", "Predator", "w", "predator"
-    tip = "Add a predator of the selected brush, from which animals flee; it becomes part of the level"
+    tip = "Add a predator of the chosen species, from which animals flee; it becomes part of the level"
     hint = "Click to add a predator."
     options = ("hunter",)
 
