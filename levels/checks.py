@@ -176,9 +176,7 @@ class _Checks:
             named = f"{thing.name!r}: " if thing.name else ""
             for name in thing.bounds.species:
                 if name not in known:
-                    place.say(
-                        f"{named}species: there is no species or tag {name!r}{did_you_mean(name, known)}"
-                    )
+                    place.say(f"{named}species: there is no species or tag {name!r}{did_you_mean(name, known)}")
             if thing.bounds.z_min >= thing.bounds.z_max:
                 low, high = thing.bounds.z_min, thing.bounds.z_max
                 place.say(f"{named}z_min must be below z_max, got {low:g} and {high:g}")

@@ -148,6 +148,16 @@ def test_an_existing_recording_survives_a_beginning_that_fails(path, written):
     assert list(path.parent.iterdir()) == [path]
 
 
+def test_a_recording_of_the_same_name_keeps_the_earlier_one_beside_it(path, written):
+    with pytest.raises(RuntimeError), Recording.create(path, HEADER, ASSETS) as recording:
+        assert recording.earlier == path.with_name("run.fbr.bak")
+        raise RuntimeError
+    assert recording.earlier.read_bytes() == written
+    assert open_recording(path).last_tick == 0
+    record(path.with_name("other.fbr"))
+    assert not path.with_name("other.fbr.bak").exists()
+
+
 def test_a_failing_run_leaves_a_recording_that_was_not_closed(tmp_path):
     with pytest.raises(ZeroDivisionError), Recording.create(tmp_path / "run.fbr", HEADER, {}) as recording:
         recording.hash(5, "ab" * 8)

@@ -9,7 +9,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.cli.main import called
 from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.film.open_clip import Looking, drawn_tracks, look_at, looked_apart
-from flockbrush.film.track_files import read_trajectories
+from flockbrush.film.track_files import is_tracks, read_trajectories
 
 FPS, FRAMES, ANIMALS = 10.0, 40, 6
 
@@ -111,6 +111,14 @@ def test_idtracker_has_a_column_for_each_coordinate(tmp_path):
     same(found, xy * (1, -1))
 
 
+def test_another_unit_than_that_of_the_file_is_refused(tmp_path):
+    path = tmp_path / "herd.csv"
+    path.write_text("id,frame,time,x_m,y_m\n" + "".join(f"0,{k},{k / FPS},{k},0\n" for k in range(FRAMES)))
+    assert read_trajectories(path, "m").unit == "m"
+    with pytest.raises(ProblemsError, match="its columns are in m, --unit says px: leave it out"):
+        read_trajectories(path, "px")
+
+
 def test_a_folder_of_trex_files_is_one_herd(tmp_path):
     xy = paths_of() * 100
     for n in range(ANIMALS):
@@ -120,7 +128,10 @@ def test_a_folder_of_trex_files_is_one_herd(tmp_path):
             tmp_path / f"film_fish{n}.npz", **{"X#wcentroid": xy[:, n, 0], "Y#wcentroid": xy[:, n, 1]},
             frame=np.arange(FRAMES), missing=missing, frame_rate=np.array([FPS]),
         )  # fmt: skip
+    np.savez(tmp_path / "film_posture_fish0.npz", offset=np.zeros((3, 2)), frames=np.arange(3))
     found = read_trajectories(tmp_path)
+    assert found.notes == ("files without places were left out: film_posture_fish0.npz",)
+    assert is_tracks(tmp_path)  # for every command
     assert found.unit == "m" and found.fps == FPS and not found.seen[7, 2]
     expected = paths_of() * (1, -1)
     expected[7, 2] = np.nan

@@ -195,6 +195,22 @@ def test_saved_elsewhere_it_takes_along_what_it_needs(meadow, tmp_path_factory):
     assert read_level(inside / "copy.tmj").agents == 140
 
 
+def test_saved_beside_files_of_others_with_the_same_names_it_leaves_them_and_does_not_use_them(
+    meadow, tmp_path_factory
+):
+    away = tmp_path_factory.mktemp("away") / "mine.tmj"
+    (away.parent / "tilesets").mkdir(parents=True)
+    for name in ("terrain.tsj", "terrain.png"):
+        (away.parent / "tilesets" / name).write_bytes(b"of another project")
+    living = Living(meadow)
+    living.editor.save(away)
+    assert {(away.parent / "tilesets" / name).read_bytes() for name in ("terrain.tsj", "terrain.png")} == {
+        b"of another project"
+    }
+    assert sorted(os.listdir(away.parent / "tilesets" / "mine")) == ["terrain.png", "terrain.tsj"]
+    same_place(living, build(read_level(away), library=living.library))
+
+
 def test_the_picture_of_the_playground_shows_its_tiles(meadow):
     import cv2
 

@@ -1,7 +1,10 @@
 """TMX and TSX are read as Tiled itself would export them, and nothing hostile in them costs more than a sentence."""
 
+import base64
 import shutil
 
+import cv2
+import numpy as np
 import pytest
 from flockbrush.engine import limits
 from flockbrush.levels.json_lines import JsonError
@@ -101,6 +104,39 @@ def test_a_level_in_tmx_is_read_with_its_tileset_in_tsx():
         read_level_files({"small.tmx": broken.encode(), "kinds.tsx": tsx.encode()}, library=Shelf(), commands={})
 
 
+def of_chunks(name, data):
+    """An infinite map of 32 by 16 tiles in two chunks."""
+    chunk = '<chunk x="{}" y="0" width="16" height="16">' + data + "</chunk>"
+    return (
+        '<map width="16" height="16" tilewidth="16" tileheight="16" infinite="1" orientation="orthogonal">\n'
+        ' <properties><property name="schema" value="flockbrush-level/1"/></properties>\n'
+        ' <tileset firstgid="1" source="kinds.tsx"/>\n <layer id="1" name="terrain" width="16" height="16">\n'
+        f'  <data encoding="{name}">{chunk.format(0)}{chunk.format(16)}</data></layer>\n'
+        ' <imagelayer id="3" name="art"><image source="art.png" width="4" height="4"/></imagelayer>\n'
+        ' <objectgroup id="2" name="spawns"><object id="1" x="32" y="32" width="64" height="64"><properties>\n'
+        '    <property name="brush" value="march"/><property name="count" type="int" value="5"/>\n'
+        "   </properties></object></objectgroup>\n</map>\n"
+    )
+
+
+@pytest.mark.parametrize("encoding", ["csv", "base64"])
+def test_an_infinite_map_and_a_picture_on_a_layer_of_its_own_are_read(encoding):
+    data = {"csv": ",".join(["1"] * 256), "base64": base64.b64encode(b"\1\0\0\0" * 256).decode()}[encoding]
+    tsx = (
+        '<tileset name="kinds" tilewidth="16" tileheight="16" tilecount="1" columns="1">'
+        '<tile id="0" type="Terrain"/></tileset>'
+    )
+    picture = cv2.imencode(".png", np.zeros((4, 4, 3), np.uint8))[1].tobytes()
+    files = {"far.tmx": of_chunks(encoding, data).encode(), "kinds.tsx": tsx.encode(), "art.png": picture}
+    found = read_level_files(files, library=Shelf(), commands={})
+    assert found.width == 2 * found.height and found.agents == 5
+    assert (
+        found.terrain.walkable.shape == (16, 32)
+        and found.terrain.walkable.all()
+        and [layer.name for layer in found.art.layers] == ["art"]
+    )
+
+
 BOMB = '<!DOCTYPE map [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><map>&b;</map>'
 
 
@@ -122,6 +158,11 @@ BOMB = '<!DOCTYPE map [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><map>&b;</m
             '<map><properties>\n<property name="solid" type="bool" value="maybe"/></properties></map>',
             "property 'solid' must be true or false, got 'maybe'",
             2,
+        ),
+        (
+            '<map><properties><property name="species" type="list"/></properties></map>',
+            "property 'species' has the type 'list'; types are bool, class, color, file, float, int, object, string",
+            1,
         ),
         ('<map width="1e999"/>', "width must be a finite number, got '1e999'", 1),
         ('<map>\n<layer name="x"/></map>', "layer 'x' has no data", 2),

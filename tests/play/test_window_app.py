@@ -29,6 +29,20 @@ def test_it_opens_with_a_brush_in_hand_that_does_something_new(window):
     assert window.hint.said.startswith("Drag over the ground")
 
 
+def test_a_key_that_was_let_go_in_a_frame_that_took_long_was_pressed_once(window, monkeypatch):
+    """The clock that repeats keys goes on meanwhile."""
+    pressed = []
+    monkeypatch.setattr(window, "handle", lambda event: pressed.append(event) if event.type == pygame.KEYDOWN else None)
+    down, up = (pygame.event.Event(kind, key=pygame.K_z) for kind in (pygame.KEYDOWN, pygame.KEYUP))
+    for events, times in (([down] * 20 + [up] + [down] * 20 + [up], 2), ([down] * 3, 3), ([down] * 5 + [up], 0)):
+        pressed.clear()
+        pygame.event.clear()
+        for event in events:
+            pygame.event.post(event)
+        window.events()
+        assert len(pressed) == times, (len(events), len(pressed))
+
+
 def test_the_legend_names_behaviours_and_leaders(window):
     window.session.play()
     window.frames(12)

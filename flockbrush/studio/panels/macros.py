@@ -104,7 +104,9 @@ def macros_of(brush: Brush, measured: Mapping[str, Any] | None = None) -> list[M
         symbols = ", ".join(part.name for part in ranges)
         kind, note = _note(entry)
         name = slider if reaches_goal(entry) else unproved or slider
-        about = f"{ends}. Changes {symbols}{' together' if len(ranges) > 1 else ''}." + (f" Measured: {note}." if note else "")
+        about = f"{ends}. Changes {symbols}{' together' if len(ranges) > 1 else ''}." + (
+            f" Measured: {note}." if note else ""
+        )
         found.append(Macro("macro", name, kind, "", about, note=note, ranges=ranges, slider=slider))
     return found
 
