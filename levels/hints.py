@@ -113,6 +113,14 @@ def level_hints(level, places):
             )
 
 
+def species_hints(level, places, fauna):
+    """Warn about spawns of a species without a file whose name is nearly that of one."""
+    for spawn in level.spawns:
+        hint = did_you_mean(spawn.species, fauna.names()) if spawn.species not in fauna.names() else ""
+        if "did you mean" in hint:
+            places[spawn.id].warn(f"there is no species {spawn.species[:60]!r}{hint}")
+
+
 def program_hints(level, places):
     """Warn about programs that name places which are not in the level.
 

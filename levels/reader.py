@@ -29,6 +29,7 @@ from flockbrush.levels.hints import (
     program_hints,
     script_hints,
     slope_hints,
+    species_hints,
 )
 from flockbrush.levels.layer_reader import LayerReader, kind_of, plain_name, split
 from flockbrush.levels.level_files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles
@@ -169,6 +170,7 @@ class LevelReader:
             mixing_hints(level, self.objects.places, self.library, place)
             fauna = getattr(self.library, "species", None) or shipped_species()
             slope_hints(level, self.objects.places, self.library, fauna)
+            species_hints(level, self.objects.places, fauna)
         level.warnings = sorted(self.report.warnings, key=lambda p: (p.file, p.line or 0))
         return level
 

@@ -24,6 +24,10 @@ from flockbrush.film.track_table import SAME_RATE, TrackTable
 
 UNITS = "m", "px", "bl"
 ENDINGS = ".csv", ".tsv", ".parquet", ".nc", ".h5", ".hdf5", ".npy", ".npz"
+UNREADABLE = {
+    ".slp": "is a project of SLEAP: export it there as Analysis HDF5",
+    ".xml": "is XML, as of TrackMate: export its spots as CSV",
+}
 DAMAGE = (  # what libraries raise at files that are not whole
     OSError, ValueError, LookupError, ArithmeticError, MemoryError, TypeError, AttributeError, RuntimeError, EOFError,
     SyntaxError, tokenize.TokenError,
@@ -77,7 +81,7 @@ class Trajectories:
 def is_tracks(path) -> bool:
     """Whether a path is a file (or a folder) of tracks, by its name, and not a video."""
     path = Path(path)
-    return path.suffix.lower() in ENDINGS or (path.is_dir() and bool(formats.trex_files(path)))
+    return path.suffix.lower() in (*ENDINGS, *UNREADABLE) or (path.is_dir() and bool(formats.trex_files(path)))
 
 
 def read_trajectories(path, unit: str | None = None, fps: float | None = None) -> Trajectories:
@@ -181,6 +185,8 @@ def _table_of(path) -> TrackTable:
         ".nc": arrays.movement_netcdf, ".h5": arrays.sleap_hdf5, ".hdf5": arrays.sleap_hdf5,
         ".npy": arrays.numpy_array, ".npz": formats.trex_file,
     }.get(path.suffix.lower())  # fmt: skip
+    if told := UNREADABLE.get(path.suffix.lower()):
+        raise refused(path, told)
     if read is None:
         raise refused(path, f"is not a readable file of tracks ({', '.join(ENDINGS)})")
     return read(path)

@@ -66,8 +66,19 @@ def csv_table(path) -> TrackTable:
         where |= {"x": lower.index("location-long"), "y": lower.index("location-lat")}
     _need(path, where, lower)
     heading = lower.index("heading") if "heading" in lower and not degrees else None
+    if {"track_id", "position_x"} <= set(lower):  # TrackMate, where id is that of a spot
+        where["id"], rows = lower.index("track_id"), _below_titles(rows, lower.index("position_x"))
     columns, names, animal, lines = _parsed(path, rows, where, heading)
     return _long_table(path, lower, where, columns, names, animal, lines, degrees)
+
+
+def _below_titles(rows, x):
+    """The rows of TrackMate without the three that name its columns again and their units."""
+    rows, numbers = iter(rows), False
+    for line, row in rows:
+        numbers = numbers or (x < len(row) and bool(re.match(r"\s*[-+.\d]", row[x])))
+        if numbers or line > 4:
+            yield line, row
 
 
 def _need(path, where, header):

@@ -119,6 +119,24 @@ def test_another_unit_than_that_of_the_file_is_refused(tmp_path):
         read_trajectories(path, "px")
 
 
+def test_spots_of_trackmate_are_read_below_their_four_headers(tmp_path):
+    path = tmp_path / "spots.csv"
+    head = "LABEL,ID,TRACK_ID,POSITION_X,POSITION_Y,FRAME\nLabel,Spot ID,Track ID,X,Y,Frame\n"
+    head += "Label,ID,ID,X,Y,Frame\n,,,(pixel),(pixel),\n"
+    rows = "".join(f"s{k},{k},{k % 2},{k}.5,{2 * k},{k // 2}\n" for k in range(2 * FRAMES))
+    path.write_text(head + rows)
+    found = read_trajectories(path, "px", FPS)
+    assert found.xy.shape == (FRAMES, 2, 2) and found.xy[3, 1, 0] == 7.5
+
+
+@pytest.mark.parametrize(("name", "told"), [("a.slp", "export it there as Analysis HDF5"), ("a.xml", "spots as CSV")])
+def test_files_of_other_programs_that_are_not_read_are_told_from_films(name, told, tmp_path):
+    (tmp_path / name).write_text("?")
+    assert is_tracks(tmp_path / name)
+    with pytest.raises(ProblemsError, match=told):
+        read_trajectories(tmp_path / name, "px", FPS)
+
+
 def test_a_folder_of_trex_files_is_one_herd(tmp_path):
     xy = paths_of() * 100
     for n in range(ANIMALS):

@@ -29,6 +29,14 @@ def test_a_level_as_it_should_be_has_no_warnings():
     assert warnings(level()) == []
 
 
+@pytest.mark.parametrize(
+    ("species", "told"), [("sheeep", "there is no species 'sheeep'; did you mean 'sheep'?"), ("yeti", "")]
+)
+def test_a_species_without_a_file_that_is_nearly_called_as_one_is_named(species, told):
+    found = warnings(level(tiles(), objects("spawns", herd(species=species))))
+    assert [told in warning for warning in found] == [True] * bool(told)
+
+
 class TestGoals:
     def test_one_that_no_animal_goes_to_is_named(self):
         found = warnings(with_objects("goals", goal(2, "pond", 80, 80), goal(3, "shed", 20, 80)))

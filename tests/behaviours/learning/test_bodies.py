@@ -10,7 +10,7 @@ from scipy.special import ndtri
 
 from benchmarks import foreign_herds, herd_film
 from flockbrush.film.body_outlines import BodySize, bodies_of, size_of_bodies
-from flockbrush.film.body_shapes import Outlines, capsule
+from flockbrush.film.body_shapes import Outlines, capsule, gone_on
 from flockbrush.film.measured_size import blur_margin
 
 SHEEP = Path(__file__).parents[4] / "shared/data/aerial_sheep"
@@ -69,6 +69,35 @@ def test_a_lone_body_is_measured_to_a_quarter_of_a_pixel_and_a_degree():
         off, turned = found([(80.3, 70.8, angle)], bodies)[0]
         assert off < 0.25 and turned < 1.5
         assert bodies.length[0] == pytest.approx(16, rel=0.05) and bodies.width[0] == pytest.approx(6.4, rel=0.08)
+
+
+@pytest.mark.parametrize("places", [
+    [(80, 70, 20), (80.6, 78.5, 32), (82, 87, 8)],  # beside each other
+    [(80, 70, 0), (93, 73, 70)],  # one's end at the other's flank
+])  # fmt: skip
+def test_bodies_that_touch_only_in_a_blurred_mask_are_where_the_picture_shows_them(places):
+    """The mask is wider by a pixel."""
+    grey = cv2.GaussianBlur(drawn(places) * np.float32(150), (0, 0), 0.8) + 60
+    mask = cv2.dilate(drawn(places), np.ones((3, 3), np.uint8))
+    picture = np.repeat(grey.astype(np.uint8)[..., None], 3, 2)
+    assert cv2.connectedComponents(mask)[0] == 2  # one blob and the ground
+    bodies = bodies_of(mask, size(18.0, 8.4), picture, None, 1.0)
+    off, turned = found(places, bodies).T
+    assert len(bodies) == len(places) and off.max() < 0.3 and turned.max() < 2.5
+
+
+def test_in_the_next_frame_bodies_are_looked_for_where_they_went():
+    bodies, expected = None, None
+    for step in range(3):
+        places = [(60 + 3 * step, 70, 10), (61 + 3 * step, 77, 15), (62 + 3 * step, 84, 5)]
+        mask = drawn(places)
+        picture = np.repeat((mask * 150 + 60).astype(np.uint8)[..., None], 3, 2)
+        last, bodies = bodies, bodies_of(mask, size(), picture, expected)
+        off, turned = found(places, bodies).T
+        assert off.max() < 0.5 and turned.max() < 3.0
+        expected = gone_on(bodies, last, 16.0)
+        gone = expected.xy - bodies.xy
+        assert np.allclose(gone, (0, 0) if step == 0 else (3, 0), atol=0.4)
 
 
 def test_a_capsule_is_known_by_its_area_and_variances():
