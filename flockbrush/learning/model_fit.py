@@ -123,11 +123,8 @@ def learned_model(
 
 
 def answering(given: ModelSetting, kind: Likelihood, params, seed: int):
-    """The parameters, changed so that herds wander and answer to their neighbours as the animals of the clips do.
-
-    How much they wander is only found so in tracks: in a film, bodies that touch make errors that no herd is given.
-    """
-    if chance_of(params) and all(clip.from_tracks for clip in given.clips):
+    """The parameters, changed so that herds wander and answer to their neighbours as the animals of the clips do."""
+    if chance_of(params):
         params = params.model_copy(update=chance_found(given, place(given.numbers, params), {}, seed))
     step = answer_step(given, place(given.numbers, params), {}, seed)
     if step is None:
