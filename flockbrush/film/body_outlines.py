@@ -151,8 +151,8 @@ def bodies_of(mask, size: BodySize, picture=None, before: Outlines | None = None
     picture : (h, w, 3) or (h, w) uint8 ndarray, optional
         Helps to separate animals that touch.
     before : Bodies, optional
-        Those of the frame before, in pixels of this one: where animals touch, a way to part them that looks much as it
-        did is preferred, so that they do not jump to and fro.
+        Those of the frame before, in pixels of this one and where they will have gone: where animals touch, the search
+        begins with them, so that animals do not jump to and fro.
     margin : float
         Pixels by which blur widens bodies in the mask, on each side.
     """

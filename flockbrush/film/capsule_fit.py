@@ -22,6 +22,7 @@ SOFT = 0.5  # of a radius, at least a pixel: how wide the edge of a capsule is
 STIFF = 0.02  # of a capsule's edge: what holds it where it is, so that hidden ones do not wander
 FARTHEST, TURNED = 0.35, 0.25  # of a radius, and rad: in one round
 CORE = 0.7  # of half a width from the edge: farther in is the colour of the body
+THINNEST = 0.25  # least radius, of a width in the mask
 NEAR = 2  # px around the animals that are no plain ground
 LEAST_CONTRAST = 20.0  # grey levels
 FEWER = 3  # of so many rows and columns, one is looked at for medians
@@ -53,7 +54,8 @@ def fitted(bodies: Outlines, share, size, margin) -> FittedBodies:
     """
     at = np.column_stack([bodies.xy, np.arctan2(bodies.axis[:, 1], bodies.axis[:, 0])])
     cover, twice = np.zeros(share.shape, np.float32), np.zeros(share.shape, np.float32)
-    fit_capsules(share, at, 0.5 * (size.length - size.width), 0.5 * size.width - margin, cover, twice)
+    radius = max(0.5 * size.width - margin, THINNEST * size.width)
+    fit_capsules(share, at, 0.5 * (size.length - size.width), radius, cover, twice)
     axis = np.column_stack([np.cos(at[:, 2]), np.sin(at[:, 2])])
     return FittedBodies(replace(bodies, xy=at[:, :2].copy(), axis=axis), cover, twice)
 
