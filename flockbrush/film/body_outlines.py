@@ -161,8 +161,8 @@ def bodies_of(mask, size: BodySize, picture=None, before: Outlines | None = None
     animals = stats[:, cv2.CC_STAT_AREA] / size.area
     animals[0] = 0.0
     lone, many = (animals >= LEAST) & (animals <= ALONE[1]), animals > ALONE[1]
-    bodies = _measured(labels, np.flatnonzero(lone), count, np.ones(lone.sum(), bool))
     share = mask.astype(np.float32) if picture is None else shown_share(picture, mask, size)
+    bodies = _measured(labels, np.flatnonzero(lone), count, mask, share)
     crowd = many[labels].view(np.uint8)
     if before is not None:
         lasting = before.of(many[at_labels(labels, before)])
@@ -222,11 +222,14 @@ def _binary(mask):
     return (np.asarray(mask) > 0).astype(np.uint8)
 
 
-def _measured(labels, chosen, count, alone):
-    """The bodies that labelled pixels make up."""
-    sums = np.zeros((count, 6))
-    moments_of(labels, sums)
-    return of_moments(sums[chosen], alone)
+def _measured(labels, chosen, count, mask, share):
+    """The bodies that labelled pixels make up: their sizes by the mask, their places and axes by what is animal."""
+    sums = np.zeros((2, count, 6))
+    moments_of(labels, mask.astype(np.float32), sums[0])
+    moments_of(labels, share, sums[1])
+    sums[1, sums[1, :, 0] < 0.5 * sums[0, :, 0]] = sums[0, sums[1, :, 0] < 0.5 * sums[0, :, 0]]
+    by_mask, shown = (of_moments(part[chosen], np.ones(len(chosen), bool)) for part in sums)
+    return replace(by_mask, xy=shown.xy, axis=shown.axis)
 
 
 # animals that touch ---------------------------------------------------------------------------------------------------

@@ -105,15 +105,16 @@ def of_moments(sums, alone):
 
 
 @njit(cache=True, nogil=True)
-def moments_of(labels, sums):
-    """Sums of 1, x, y, xx, yy, xy over the pixels of each label."""
+def moments_of(labels, share, sums):
+    """Sums of 1, x, y, xx, yy, xy over the pixels of each label, each pixel counted by its share."""
     for y in range(labels.shape[0]):
         for x in range(labels.shape[1]):
             k = labels[y, x]
             if k > 0:
-                sums[k, 0] += 1.0
-                sums[k, 1] += x
-                sums[k, 2] += y
-                sums[k, 3] += x * x
-                sums[k, 4] += y * y
-                sums[k, 5] += x * y
+                v = share[y, x]
+                sums[k, 0] += v
+                sums[k, 1] += v * x
+                sums[k, 2] += v * y
+                sums[k, 3] += v * x * x
+                sums[k, 4] += v * y * y
+                sums[k, 5] += v * x * y

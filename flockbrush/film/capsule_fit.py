@@ -48,14 +48,14 @@ class FittedBodies:
 
 
 def fitted(bodies: Outlines, share, size, margin) -> FittedBodies:
-    """Bodies, moved and turned until together they cover what `share` (h, w) shows of animals.
+    """Bodies, of which those that touch are moved and turned until all cover what `share` (h, w) shows of animals.
 
     ``size`` is that of one animal in a mask that is wider than the bodies by ``margin`` px on each side.
     """
     at = np.column_stack([bodies.xy, np.arctan2(bodies.axis[:, 1], bodies.axis[:, 0])])
     cover, twice = np.zeros(share.shape, np.float32), np.zeros(share.shape, np.float32)
     radius = max(0.5 * size.width - margin, THINNEST * size.width)
-    fit_capsules(share, at, 0.5 * (size.length - size.width), radius, cover, twice)
+    fit_capsules(share, at, bodies.alone.copy(), 0.5 * (size.length - size.width), radius, cover, twice)
     axis = np.column_stack([np.cos(at[:, 2]), np.sin(at[:, 2])])
     return FittedBodies(replace(bodies, xy=at[:, :2].copy(), axis=axis), cover, twice)
 
@@ -106,15 +106,15 @@ def _ground(level, near, size):
 
 
 @njit(cache=True, nogil=True)
-def fit_capsules(share, at, half, radius, first, second):
+def fit_capsules(share, at, settled, half, radius, first, second):
     """Move capsules (k, 3), x, y (px) and angle (rad), each of this half axis and radius, in place.
 
-    By the method of Gauss and Newton, capsule by capsule, with what the others cover as it is.  Where two capsules
-    cover a pixel, the one that covers more of it counts: `first` (h, w), zero before, becomes that, `second` the next.
+    Those that are `settled` (k,) bool stay.  By the method of Gauss and Newton, capsule by capsule, with what the
+    others cover as it is.  Where two capsules cover a pixel, the one that covers more of it counts: `first` (h, w),
+    zero before, becomes that, `second` the next.
     """
     soft, reach = max(1.0, SOFT * radius), half + radius + 2.0
     owner = np.full(share.shape, -1, np.int32)
-    settled = np.zeros(len(at), np.bool_)
     for _ in range(ROUNDS):
         _covered(at, half, radius, soft, reach, first, second, owner)
         for k in range(len(at)):
