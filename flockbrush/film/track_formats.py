@@ -6,7 +6,6 @@ import re
 import zipfile
 import zlib
 from array import array
-from datetime import datetime
 from itertools import chain
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.film.track_numbers import TOLD, moment_of, number_grid, number_of, whole_frames
 from flockbrush.film.track_table import (
     WRAPPED,
     TrackTable,
@@ -40,8 +40,6 @@ NAMES = {  # what columns are called, the first that is there is taken
     "frame": ("frame", "frame_number", "frame_idx"),
     "time": ("time", "time_s", "seconds", "t", "timestamp"),
 }  # fmt: skip
-FARTHEST = 1e12  # of places, in their unit
-_TOLD = 20  # problems of one file that are reported
 ROUNDED = 0.1  # frames by which times may be off a frame without being interpolated
 
 
@@ -100,13 +98,13 @@ def _parsed(path, rows, where, heading):
     for line, row in rows:
         for name, at in (("x", where["x"]), ("y", where["y"]), ("frame", where["frame"]), ("heading", heading)):
             if at is not None:
-                numbers[name].append(_number(path, line, name, row, at, problems))
+                numbers[name].append(number_of(path, line, name, row, at, problems))
         if where["time"] is not None:
-            numbers["time"].append(_moment(path, line, row, where["time"], problems))
+            numbers["time"].append(moment_of(path, line, row, where["time"], problems))
         animal.append(names.setdefault(row[where["id"]].strip() if where["id"] < len(row) else "", len(names)))
         lines.append(line)
         check_size(path, 1, len(names))
-        if len(problems) >= _TOLD:
+        if len(problems) >= TOLD:
             break
     if problems:
         raise ProblemsError(problems)
@@ -114,78 +112,6 @@ def _parsed(path, rows, where, heading):
         raise refused(path, "has no rows")
     columns = {name: np.frombuffer(values) for name, values in numbers.items() if len(values)}
     return columns, list(names), np.frombuffer(animal, np.int64), np.frombuffer(lines, np.int64)
-
-
-def _grid(path, rows, columns):
-    """(T, len(columns)) numbers of rows (line, cells), NaN where there is none; ProblemsError."""
-    values = array("d")
-    problems: list[Problem] = []
-    for line, row in rows:
-        values.extend(_number(path, line, f"column {at + 1}", row, at, problems) for at in columns)
-        if len(values) > limits.TRACK_NUMBERS:
-            raise refused(path, f"has more than {limits.TRACK_NUMBERS.text}; split it into parts")
-        if len(problems) >= _TOLD:
-            break
-    if problems:
-        raise ProblemsError(problems)
-    if not values:
-        raise refused(path, "has no rows")
-    return np.frombuffer(values).reshape(-1, len(columns))
-
-
-def _whole(path, frames):
-    """Frame numbers as integers; ProblemsError where one is none."""
-    frames = np.asarray(frames, float)
-    if not ((np.abs(frames) <= 1e9) & (frames == np.floor(frames))).all():
-        raise refused(path, "a frame must be a whole number, at most 1e9")
-    return frames.astype(np.int64)
-
-
-_ABSENT = "", "nan", "na", "null", "none"
-
-
-def _number(path, line, column, row, at, problems):
-    cell = row[at].strip() if at < len(row) else ""
-    if cell.lower() in _ABSENT:
-        if column == "frame":
-            problems.append(Problem(str(path), line, column, "must be a whole number, got nothing"))
-        return np.nan
-    try:
-        value = float(cell)
-    except ValueError:
-        problems.append(Problem(str(path), line, column, f"must be a number, got {cell[:40]!r}"))
-        return np.nan
-    if not abs(value) < FARTHEST:
-        problems.append(Problem(str(path), line, column, f"must be a number below 1e12, got {cell[:40]!r}"))
-        return np.nan
-    if column == "frame" and not (abs(value) <= 1e9 and value == int(value)):
-        problems.append(Problem(str(path), line, column, f"must be a whole number, at most 1e9, got {cell[:40]!r}"))
-        return np.nan
-    return value
-
-
-def _moment(path, line, row, at, problems):
-    """Seconds of a cell that holds a number or a date with a time."""
-    cell = row[at].strip() if at < len(row) else ""
-    try:
-        value = float(cell)
-    except ValueError:
-        try:
-            value = datetime.fromisoformat(cell).timestamp() if not _naive(cell) else _utc(cell)
-        except ValueError:
-            value = np.nan
-    if not abs(value) < 1e12:
-        problems.append(Problem(str(path), line, "time", f"must be seconds or a date and time, got {cell[:40]!r}"))
-        return np.nan
-    return value
-
-
-def _naive(cell):
-    return datetime.fromisoformat(cell).tzinfo is None
-
-
-def _utc(cell):
-    return (datetime.fromisoformat(cell) - datetime(2000, 1, 1)).total_seconds()
 
 
 def _long_table(path, header, where, columns, names, animal, lines, degrees=False):
@@ -210,7 +136,7 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         unit = unit or ("m" if set(header) >= OURS or set(header) >= FLOWN else _unit_of_name(header[where["x"]]))
     fps = about.get("fps") if isinstance(about.get("fps"), int | float) else None
     if where["frame"] is not None:
-        frames = _whole(path, columns["frame"][valid])
+        frames = whole_frames(path, columns["frame"][valid])
         if fps:
             check_rate(path, fps, columns["frame"], columns.get("time"))
         fps = fps or rate_of(columns["frame"], columns.get("time"))
@@ -367,8 +293,8 @@ def _deeplabcut(path, header, rows) -> TrackTable:
     who = heads.get("individuals") or ["animal"] * len(coords)
     if len(who) != len(coords):
         raise refused(path, f"names {len(who)} individuals and {len(coords)} coords; it needs one of each per column")
-    values = _grid(path, chain([first], rows), range(len(coords) + 1))
-    frames, values = _whole(path, values[:, 0]), values[:, 1:]
+    values = number_grid(path, chain([first], rows), range(len(coords) + 1))
+    frames, values = whole_frames(path, values[:, 0]), values[:, 1:]
     parts: dict[str, list[int]] = {name: [] for name in who}
     for at, (name, coord) in enumerate(zip(who, coords, strict=True)):
         if coord == "x" and at + 1 < len(coords):
@@ -400,7 +326,7 @@ def _idtracker(path, header, rows) -> TrackTable:
     if lost:
         raise refused(path, f"has no column {lost[0]} beside x{lost[0][1:]}")
     columns = [place[f"{axis}{k}"] for k in animals for axis in "xy"]
-    values = _grid(path, rows, [*columns, *([] if time is None else [time])])
+    values = number_grid(path, rows, [*columns, *([] if time is None else [time])])
     xy = values[:, : len(columns)].reshape(len(values), -1, 2)
     fps, start = (None, 0.0) if time is None else (rate_of(np.arange(len(xy)), values[:, -1]), begun(values[:, -1]))
     return TrackTable(xy, [str(k) for k in animals], np.arange(len(xy)), fps, "px", start=start)
@@ -422,8 +348,10 @@ def _trex_table(path, header, rows) -> TrackTable:
     """One animal as TRex writes it in a CSV."""
     x, y, unit = _trex_columns(header)
     column_names = [name for name in (x, y, "frame", "time") if name in header]
-    columns = dict(zip(column_names, _grid(path, rows, [header.index(name) for name in column_names]).T, strict=True))
-    frames = _whole(path, columns.get("frame", np.arange(len(columns[x]))))
+    columns = dict(
+        zip(column_names, number_grid(path, rows, [header.index(name) for name in column_names]).T, strict=True)
+    )
+    frames = whole_frames(path, columns.get("frame", np.arange(len(columns[x]))))
     return _of_one(path, frames, np.column_stack([columns[x], columns[y]]), rate_of(frames, columns.get("time")), unit)
 
 
@@ -447,7 +375,7 @@ def trex_file(path) -> TrackTable:
     x, y, unit = columns
     if not len(arrays[x]):
         raise refused(path, "has no rows")
-    frames = _whole(path, arrays.get("frame", np.arange(len(arrays[x]))))
+    frames = whole_frames(path, arrays.get("frame", np.arange(len(arrays[x]))))
     xy = np.column_stack([arrays[x], arrays[y]]).astype(float)
     if len(frames) != len(xy):
         raise refused(path, f"has {len(xy)} positions in {len(frames)} frames")

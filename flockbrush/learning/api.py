@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -122,7 +123,7 @@ def learn(
         jobs : int, 1
             Processes.
         licence : str, optional
-            Of the data, kept in the brush.
+            Of the data.
         beside : bool, optional
             Judge it beside the shipped brushes, too; by default, where it is not quick.
         model : str, "auto"
@@ -146,55 +147,55 @@ def learn(
     from flockbrush.learning.learn import LearnOptions, learn_brushes
     from flockbrush.runs.cluster import Tls
 
-    given = _given(tracks, options)
-    if not name or Path(name).name != name:
-        raise ValueError(f"name must be a name and not a path, got {name!r}")
+    given = _given(tracks, name, options)
     of_tracks = all(isinstance(one, np.ndarray) or is_tracks(one) for one in given)
-    looking = replace(_looking(unit, fps, body_length, of_tracks, arena), frames=frames)
-    with tempfile.TemporaryDirectory(prefix="flockbrush-learn-") as folder:
+    looking = _looking(unit, fps, frames, body_length, of_tracks, arena)
+    with tempfile.TemporaryDirectory(prefix="flockbrush-learn-") as folder, _words_of_python(folder):
         wishes = LearnOptions(
             clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],
             out=Path(folder) / f"{name}.brush.toml", looking=looking, report=None if report is None else Path(report),
             workers=None if cluster is None else (cluster, Tls()), command="flockbrush.learn(...)", silent=True,
             length_m=None if of_tracks else looking.body_length_m, **options,
         )  # fmt: skip
-        try:
-            found = learn_brushes(wishes)[0]
-        except ProblemsError as error:
-            raise _in_words_of_python(error, folder) from None
-    return result_of(found)
+        return result_of(learn_brushes(wishes)[0])
 
 
-def _in_words_of_python(error, folder) -> ProblemsError:
-    """Problems with the names of arguments for those of options, and without the folder that arrays are kept in."""
-    told = []
-    for problem in error.problems:
-        message = problem.message
-        for option, argument in ARGUMENTS.items():
-            message = message.replace(option, argument)
-        told.append(replace(problem, file=problem.file.removeprefix(folder + os.sep), message=message))
-    return ProblemsError(told)
+@contextmanager
+def _words_of_python(folder):
+    """Problems get the names of arguments for those of options, and lose the folder that arrays are kept in."""
+    try:
+        yield
+    except ProblemsError as error:
+        told = []
+        for problem in error.problems:
+            message = problem.message
+            for option, argument in ARGUMENTS.items():
+                message = message.replace(option, argument)
+            told.append(replace(problem, file=problem.file.removeprefix(folder + os.sep), message=message))
+        raise ProblemsError(told) from None
 
 
-def _given(tracks, options) -> list:
+def _given(tracks, name, options) -> list:
     """The tracks one by one; ValueError where there are none, or where options ask for nothing."""
     from flockbrush.learning.learn import LearnOptions
 
-    for name in ("starts", "jobs"):
-        if options.get(name, 1) < 1:
-            raise ValueError(f"{name} must be at least 1, got {options[name]!r}")
+    if not name or Path(name).name != name:
+        raise ValueError(f"name must be a name and not a path, got {name!r}")
+    for count in ("starts", "jobs"):
+        if options.get(count, 1) < 1:
+            raise ValueError(f"{count} must be at least 1, got {options[count]!r}")
     if not 0.1 <= options.get("share", 0.5) <= 1.0:
         raise ValueError(f"share must be .1 to 1, got {options['share']!r}")
     known = {field.name for field in fields(LearnOptions)}
-    for name in options.keys() - known:
-        raise TypeError(f"learn has no argument {name!r}{did_you_mean(name, known)}")
+    for option in options.keys() - known:
+        raise TypeError(f"learn has no argument {option!r}{did_you_mean(option, known)}")
     given = list(tracks) if isinstance(tracks, Sequence) and not isinstance(tracks, str) else [tracks]
     if not given:
         raise ValueError("there are no tracks to learn from")
     return given
 
 
-def _looking(unit, fps, body_length, of_tracks, arena) -> Looking:
+def _looking(unit, fps, frames, body_length, of_tracks, arena) -> Looking:
     """How tracks or films are looked at; the length counts in the unit that tracks name themselves."""
     if unit is not None and unit not in UNITS:
         raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {unit!r}")
@@ -204,7 +205,7 @@ def _looking(unit, fps, body_length, of_tracks, arena) -> Looking:
         raise ValueError(f"body_length must be above 0, got {body_length!r}")
     in_pixels = unit == "px" or (unit is None and of_tracks)
     return Looking(
-        unit=unit, fps=fps, body_length_px=body_length if in_pixels else None,
+        unit=unit, fps=fps, frames=frames, body_length_px=body_length if in_pixels else None,
         body_length_m=None if unit == "px" else body_length, arena=None if arena is None else Arena.read(arena),
     )  # fmt: skip
 

@@ -220,8 +220,7 @@ def _looked(clip, wishes) -> ClipFolds:
     if not wishes.silent:
         tell_notes(clip, whole)
     if whole.still:
-        whole = standing(whole, SPEED if wishes.speed is None else wishes.speed)
-        return ClipFolds(whole)
+        return ClipFolds(standing(whole, SPEED if wishes.speed is None else wishes.speed))
     if wishes.speed is not None:
         say(f"{clip}: --speed was ignored: it is for photographs; the speed of animals in a clip is measured")
     return ClipFolds(whole, tuple(parts))
