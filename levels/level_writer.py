@@ -95,10 +95,11 @@ def write_level(document: dict, path, backup=True) -> Path:
     path = Path(path)
     data = (dump(document)).encode()
     try:
-        if backup and path.exists() and path.read_bytes() != data:
-            kept_beside(path)
+        changes = backup and path.exists() and path.read_bytes() != data
     except OSError as error:
         raise refused(path, f"cannot be read: {error.strerror or error}") from None
+    if changes:
+        kept_beside(path)
     return write_bytes(path, data)
 
 
