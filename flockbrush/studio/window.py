@@ -63,7 +63,7 @@ class Window:
         self.buttons: dict = {}
         self._held: tuple | None = None  # what the mouse holds
         self._opening_key = OpeningKey()
-        self._held: set[int] = set()  # keys that are down
+        self._keys_down: set[int] = set()
         self.failed = False  # whether it was closed by an exception
         self._over: Window | None = None  # to be opened over this one
 
@@ -209,13 +209,13 @@ class Window:
         let_go = {event.key for event in since if event.type == pygame.KEYUP}
         for event in since:
             if event.type == pygame.WINDOWFOCUSLOST:  # others hear of keys that are let go from then on
-                self._held.clear()
+                self._keys_down.clear()
             elif event.type == pygame.KEYUP:
-                self._held.discard(event.key)
+                self._keys_down.discard(event.key)
             elif event.type == pygame.KEYDOWN:
-                if event.key in self._held & let_go:
+                if event.key in self._keys_down & let_go:
                     continue
-                self._held.add(event.key)
+                self._keys_down.add(event.key)
             if event.type == pygame.VIDEORESIZE and waiting and waiting[-1].type == pygame.VIDEORESIZE:
                 waiting.pop()
             waiting.append(event)
