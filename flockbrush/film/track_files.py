@@ -112,7 +112,7 @@ def read_trajectories(path, unit: str | None = None, fps: float | None = None) -
         raise
     except DAMAGE as error:
         raise refused(path, f"cannot be read as tracks: {_first_line(error)}") from None
-    if unit is not None and table.unit is not None and unit != table.unit:
+    if unit is not None and table.stated and unit != table.unit:
         raise refused(path, f"its columns are in {table.unit}, --unit says {unit}: leave it out")
     unit = unit or table.unit
     if unit is None:

@@ -152,7 +152,7 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         heading = None if heading is None else heading[one]
     xy, ids, numbers, turned = placed(path, frames, names, animal, places, heading, lines)
     start = begun(columns["time"][valid]) if "time" in columns else 0.0
-    return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes, start)
+    return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes, start, unit is not None)
 
 
 def _unit_of_name(name):

@@ -36,6 +36,7 @@ class TrackTable:
     heading: np.ndarray | None = None
     notes: list[str] = field(default_factory=list)
     start: float = 0.0  # s, time of the first frame
+    stated: bool = False  # whether the file itself states its unit
 
 
 def line_word(path) -> str:
