@@ -11,6 +11,7 @@ from __future__ import annotations
 import copy
 import json
 import os
+from itertools import chain, count
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -424,8 +425,8 @@ def _copied_beside(source, level):
     Files of others keep their names: where one has the same name and other contents, the copy is called otherwise.
     """
     tiles = source.suffix == ".tsj"
-    names = ["tilesets/" if tiles else "", f"tilesets/{level.stem}/" if tiles else f"{level.stem}-"]
-    names += [f"tilesets/{level.stem}-{k}/" if tiles else f"{level.stem}-{k}-" for k in range(2, 100)]
+    own = (level.stem + (f"-{k}" if k > 1 else "") for k in count(1))
+    names = chain(["tilesets/"], map("tilesets/{}/".format, own)) if tiles else chain([""], map("{}-".format, own))
     files = [file for file in (source, source.with_suffix(".png")) if file.is_file()]
     try:
         for name in names:

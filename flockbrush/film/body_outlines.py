@@ -12,6 +12,7 @@ Lengths are pixels; x right, y down, pixel (0, 0) has its middle at (0.5, 0.5).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -28,6 +29,7 @@ LEAST_AREA = 6  # px: less is a scrap
 ENOUGH = 6  # lone bodies that are needed to tell the size of one
 DOUBTFUL = 1.5  # times as badly covered as the usual lone body: such a crowd is parted afresh
 MISSING = 0.5  # of a pixel that is animal and that no body covers, from which on another body is looked for there
+PALE = 0.5  # share of a body in its mask that the picture must show, for it to tell how the body lies
 ALONG, END = 6, 0.62  # positions from the middle of a body to each end, and the end of the last part, lengths
 
 
@@ -160,34 +162,47 @@ def bodies_of(mask, size: BodySize, picture=None, before: Outlines | None = None
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     animals = stats[:, cv2.CC_STAT_AREA] / size.area
     animals[0] = 0.0
-    lone, many = (animals >= LEAST) & (animals <= ALONE[1]), animals > ALONE[1]
+    blobs = _Blobs(labels, animals, (animals >= LEAST) & (animals <= ALONE[1]), animals > ALONE[1])
     share = mask.astype(np.float32) if picture is None else shown_share(picture, mask, size)
-    bodies = _measured(labels, np.flatnonzero(lone), count, mask, share)
-    crowd = many[labels].view(np.uint8)
-    if before is not None:
-        lasting = before.of(many[at_labels(labels, before)])
-        bodies = joined(bodies, replace(lasting, alone=np.zeros(len(lasting), bool)))
-    elif many.any():
-        bodies = joined(bodies, parted_bodies(crowd, size, picture))
-    found = fitted(bodies, share, size, margin)
-    if before is not None and many.any():
-        found = _with_others(found, crowd, share, size, picture, margin)
-        costs = found.costs(labels, share) / np.maximum(animals, LEAST)
-        doubtful = many & (costs > DOUBTFUL * np.median(costs[lone])) if lone.any() else many
-        if doubtful.any():
-            sure = found.bodies.of(~doubtful[at_labels(labels, found.bodies)])
-            afresh = parted_bodies(doubtful[labels].view(np.uint8), size, picture, before)
-            again = fitted(joined(sure, afresh), share, size, margin)
-            found = better_crowds(labels, doubtful, share, found, again)
-    bodies = found.bodies
+    bodies = _measured(blobs, mask, share)
+    if blobs.many.any():
+        bodies = _with_crowds(bodies, blobs, share, size, picture, before, margin)
     return bodies if picture is None else replace(bodies, ends=_ends(bodies, mask, picture, size))
 
 
-def _with_others(found, crowd, share, size, picture, margin):
-    """What is fitted, with bodies where none cover the crowd."""
+class _Blobs(NamedTuple):
+    """The blobs of a mask; the first is the ground."""
+
+    labels: np.ndarray  # (h, w) int32, number of the blob of each pixel
+    animals: np.ndarray  # (k,) how many animals have its area
+    lone: np.ndarray  # (k,) bool, whether it is one animal
+    many: np.ndarray  # (k,) bool, whether it is several
+
+
+def _with_crowds(lone, blobs, share, size, picture, before, margin):
+    """The bodies that stand alone, and those in blobs of several animals.
+
+    Crowds are first covered by the bodies that were there before, and by others where animals are not covered.  Those
+    that are covered badly are parted afresh as well, and the better of the two counts.
+    """
+    crowd = blobs.many[blobs.labels].view(np.uint8)
+    if before is None:
+        return fitted(joined(lone, parted_bodies(crowd, size, picture)), share, size, margin).bodies
+    lasting = before.of(blobs.many[at_labels(blobs.labels, before)])
+    lasting = replace(lasting, alone=np.zeros(len(lasting), bool))
+    found = fitted(joined(lone, lasting), share, size, margin)
     left = crowd & (found.missing(share) > MISSING).view(np.uint8)
-    others = parted_bodies(left, size, picture) if left.sum() > LEAST * size.area else Outlines.none()
-    return fitted(joined(found.bodies, others), share, size, margin) if len(others) else found
+    if left.sum() > LEAST * size.area and len(others := parted_bodies(left, size, picture)):
+        found = fitted(joined(found.bodies, others), share, size, margin)
+    costs = found.costs(blobs.labels, share) / np.maximum(blobs.animals, LEAST)
+    usual = np.median(costs[blobs.lone]) if blobs.lone.any() else 0.0
+    doubtful = blobs.many & (costs > DOUBTFUL * usual)
+    if doubtful.any():
+        sure = found.bodies.of(~doubtful[at_labels(blobs.labels, found.bodies)])
+        afresh = parted_bodies(doubtful[blobs.labels].view(np.uint8), size, picture, before)
+        again = fitted(joined(sure, afresh), share, size, margin)
+        found = better_crowds(blobs.labels, doubtful, share, found, again)
+    return found.bodies
 
 
 def _ends(bodies, mask, picture, size):
@@ -222,14 +237,13 @@ def _binary(mask):
     return (np.asarray(mask) > 0).astype(np.uint8)
 
 
-def _measured(labels, chosen, count, mask, share):
-    """The bodies that labelled pixels make up: their sizes by the mask, their places and axes by what is animal."""
-    sums = np.zeros((2, count, 6))
-    moments_of(labels, mask.astype(np.float32), sums[0])
-    moments_of(labels, share, sums[1])
-    sums[1, sums[1, :, 0] < 0.5 * sums[0, :, 0]] = sums[0, sums[1, :, 0] < 0.5 * sums[0, :, 0]]
-    by_mask, shown = (of_moments(part[chosen], np.ones(len(chosen), bool)) for part in sums)
-    return replace(by_mask, xy=shown.xy, axis=shown.axis)
-
-
-# animals that touch ---------------------------------------------------------------------------------------------------
+def _measured(blobs, mask, share):
+    """The bodies that stand alone: their sizes by the mask, their places and axes by what is animal."""
+    by_mask, shown = np.zeros((2, len(blobs.animals), 6))
+    moments_of(blobs.labels, mask.astype(np.float32), by_mask)
+    moments_of(blobs.labels, share, shown)
+    pale = shown[:, 0] < PALE * by_mask[:, 0]
+    shown[pale] = by_mask[pale]
+    alone = np.ones(blobs.lone.sum(), bool)
+    placed = of_moments(shown[blobs.lone], alone)
+    return replace(of_moments(by_mask[blobs.lone], alone), xy=placed.xy, axis=placed.axis)

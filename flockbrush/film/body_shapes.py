@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial import cKDTree
 
-FARTHEST = 0.3  # lengths: how far a body goes from frame to frame at most
+STRIDE = 0.3  # lengths: how far a body goes from frame to frame at most
 SHAPES = np.linspace(0.0, 6.0, 241)  # half axis over radius of a capsule
 
 
@@ -73,7 +73,7 @@ def gone_on(bodies: Outlines, before: Outlines | None, length: float) -> Outline
     if before is None or not len(before) or not len(bodies):
         return bodies
     away, nearest = cKDTree(before.xy).query(bodies.xy)
-    step = np.where((away < FARTHEST * length)[:, None], bodies.xy - before.xy[nearest], 0.0)
+    step = np.where((away < STRIDE * length)[:, None], bodies.xy - before.xy[nearest], 0.0)
     return replace(bodies, xy=bodies.xy + step)
 
 

@@ -1,9 +1,8 @@
 """Capsules that touch, moved and turned until together they cover what a picture shows of animals (least squares).
 
 A mask is wider than the bodies by up to a pixel, so that bodies that do not touch do so in a mask, and the moments of
-the pixels that are nearest to a body depend on where its neighbours are: they turn the axes of such bodies by .1 rad
-and more, for as long as they are near each other.  What the picture shows of animals, pixel by pixel, and what all
-bodies cover together does not.
+the pixels that are nearest to a body depend on where its neighbours are: they turn its axis for as long as others are
+near.  What the picture shows of animals, pixel by pixel, and what all bodies cover together does not.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from flockbrush.film.body_shapes import of_moments
+from flockbrush.film.body_shapes import moments_of, of_moments
 
 LEAST = 0.4  # of one animal's area: less is no animal
 ANGLES = 16  # directions in which a capsule is tried, of half a turn
@@ -60,10 +60,10 @@ def parted_bodies(crowd, size, picture, before=None):
     likely = _likely(before, small.shape, shrink, (x0, y0), long)
     at = _placed(small, evidence, long, wide, likely)
     half, radius = 0.5 * (long - wide), 0.5 * wide
-    sums, owner = _settled(small, at, half, radius)
+    sums = _settled(small, at, half, radius)
     keep = sums[:, 0] > LEAST * size.area * shrink**2
     if not keep.all() and keep.any():
-        sums, owner = _settled(small, at[keep], half, radius)
+        sums = _settled(small, at[keep], half, radius)
     bodies = of_moments(sums, np.zeros(len(sums), bool))
     bodies = bodies.of(bodies.area > 0.5 * LEAST * size.area * shrink**2)
     back = np.array([[1 / shrink, 0.0, float(x0)], [0.0, 1 / shrink, float(y0)]])
@@ -213,18 +213,17 @@ def _settled(solid, at, half, radius):
     -------
     (k, 6) ndarray
         Sums of weight, x, y, x², y² and xy of the pixels of each capsule.
-    (h, w) int32 ndarray
-        Capsule of each pixel; -1 for none.
     """
     n = len(at)
     h, w = solid.shape
     x, y, c, s = at[:, 0].copy(), at[:, 1].copy(), np.cos(at[:, 2]), np.sin(at[:, 2])
-    sums = np.zeros((n, 6))
-    owner = np.full((h, w), -1, np.int32)
+    sums = np.zeros((n + 1, 6))
+    own = sums[1:]  # the first is of pixels of none
+    owner = np.zeros((h, w), np.int32)
     nearest = np.empty((h, w), np.float32)
     reach = half + 2.0 * radius
     for turn in range(ROUNDS):
-        owner[:], nearest[:] = -1, 1.8 * radius
+        owner[:], nearest[:] = 0, 1.8 * radius
         for k in range(n):
             for row in range(max(0, int(y[k] - reach)), min(h, int(y[k] + reach) + 1)):
                 for column in range(max(0, int(x[k] - reach)), min(w, int(x[k] + reach) + 1)):
@@ -235,28 +234,18 @@ def _settled(solid, at, half, radius):
                     over = max(0.0, abs(along) - half)
                     d = np.sqrt(over * over + across * across)
                     if d < nearest[row, column]:
-                        nearest[row, column], owner[row, column] = d, k
+                        nearest[row, column], owner[row, column] = d, k + 1
         sums[:] = 0.0
-        for row in range(h):
-            for column in range(w):
-                k = owner[row, column]
-                if k >= 0:
-                    v = solid[row, column]
-                    sums[k, 0] += v
-                    sums[k, 1] += v * column
-                    sums[k, 2] += v * row
-                    sums[k, 3] += v * column * column
-                    sums[k, 4] += v * row * row
-                    sums[k, 5] += v * row * column
+        moments_of(owner, solid, sums)
         if turn == ROUNDS - 1:
             break
         for k in range(n):
-            a = sums[k, 0]
+            a = own[k, 0]
             if a < 3.0:
                 continue
-            mx, my = sums[k, 1] / a, sums[k, 2] / a
+            mx, my = own[k, 1] / a, own[k, 2] / a
             x[k], y[k] = mx + 0.5, my + 0.5
-            xx, yy, xy = sums[k, 3] / a - mx * mx, sums[k, 4] / a - my * my, sums[k, 5] / a - mx * my
+            xx, yy, xy = own[k, 3] / a - mx * mx, own[k, 4] / a - my * my, own[k, 5] / a - mx * my
             angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
             c[k], s[k] = np.cos(angle), np.sin(angle)
-    return sums, owner
+    return own

@@ -35,12 +35,12 @@ def _judged(findings):
     what = "held-out frames" if findings.held is not None else "frames it was learned from"
     short = {"inconclusive": "-", "persists": "kept", "does not persist": "lost"}
     made = table(
-        "measure", "clip", "herd", "off", "limit", "", f"{ALONE:g} s alone", "", right=("clip", "herd", "off", "limit"),
+        "measure", "clip", "herd", "off", "limit", "", f"{ALONE:g} s alone", right=("clip", "herd", "off", "limit"),
         title=f"{findings.brush.name}: {what}, {judgement.seconds:.1f} s",
     )  # fmt: skip
     for row, cells in zip(judgement.brush.rows, judged_rows(judgement), strict=True):
         _, met, clip, herd, off, limit, _, later, lasts = cells
-        made.add_row(row.name, clip, herd, off, limit, short.get(met, met), later, short.get(lasts, lasts))
+        made.add_row(row.name, clip, herd, off, limit, short.get(met, met), f"{later} {short.get(lasts, lasts)}")
     return made
 
 

@@ -62,11 +62,10 @@ def _request(number, asked, value):
         if not isinstance(value, list):
             raise ValueError('command must be ["NAME", {...}]')
         try:
-            return Request(number, from_json(json.dumps(value, allow_nan=False)))
-        except ValueError as error:
-            if "JSON compliant" not in str(error):
-                raise
+            text = json.dumps(value, allow_nan=False)
+        except ValueError:
             raise ValueError("NaN and Infinity are not allowed as numbers in a command") from None
+        return Request(number, from_json(text))
     if asked == "undo":
         if value is not True:
             raise ValueError('undo must be true: {"undo": true}')

@@ -82,9 +82,11 @@ class Player {
   shows(points, target) {
     this.camera.lookAt(target);
     this.camera.updateMatrixWorld();
+    const view = $("view").getBoundingClientRect(), charts = $("charts").getBoundingClientRect();
+    const bottom = 1.02 - 2 * (charts.top - view.top) / view.height;
     return points.every(([x, y]) => {
       const at = new THREE.Vector3(x, y, 0).project(this.camera);
-      return at.z < 1 && Math.abs(at.x) < 0.98 && at.y > -0.68 && at.y < 0.9;
+      return at.z < 1 && Math.abs(at.x) < 0.98 && at.y > bottom && at.y < 0.9;
     });
   }
 
