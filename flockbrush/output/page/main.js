@@ -47,47 +47,41 @@ class Player {
     this.mode = name;
     $("orbit").classList.toggle("on", name === "orbit");
     $("plan").classList.toggle("on", name === "plan");
-    const { width, height } = this.place.place, aspect = this.camera.aspect, run = this.run;
+    const { width, height } = this.place.place, run = this.run;
     this.camera.far = 60 * Math.max(width, height);
     this.camera.near = Math.max(0.05, 0.001 * Math.max(width, height));
     this.camera.updateProjectionMatrix();
     const tall = Math.max(0, ...run.z.subarray(0, run.count));
     const low = new THREE.Vector2(0, 0), high = new THREE.Vector2(width, height);
-    const half = Math.tan(this.camera.fov * Math.PI / 360);
-    const target = new THREE.Vector3((low.x + high.x) / 2, (low.y + high.y) / 2, tall > 3 ? 0.5 * tall : 0);
-    const across = high.x - low.x, deep = high.y - low.y;
-    if (name === "plan") {
-      const far = Math.max(across / aspect, deep * 1.28) / 2 / half * 1.04;
-      this.camera.position.set(target.x, target.y - 0.001 * far - 0.06 * deep, far);
-      target.y -= 0.06 * deep;
-      target.z = 0;
-      this.orbit.minPolarAngle = this.orbit.maxPolarAngle = 0;
-      this.orbit.enableRotate = false;
-    } else {
-      Object.assign(this.orbit, { minPolarAngle: 0, maxPolarAngle: 1.54, enableRotate: true });
-      target.y -= 0.07 * deep;
-      const corners = [[low.x, low.y], [high.x, low.y], [low.x, high.y], [high.x, high.y]];
-      let far = Math.max(across, deep) / 4;
-      do {
-        this.camera.position.set(target.x - 0.1 * far, target.y - 0.8 * far, target.z + 0.6 * far);
-        far *= 1.03;
-      } while (!this.shows(corners, target) && far < 50 * Math.max(across, deep));
-    }
+    const target = new THREE.Vector3((low.x + high.x) / 2, (low.y + high.y) / 2, tall > 3 && name !== "plan" ? 0.5 * tall : 0);
+    const plan = { minPolarAngle: 0, maxPolarAngle: 0, enableRotate: false }, orbit = { minPolarAngle: 0, maxPolarAngle: 1.54, enableRotate: true };
+    Object.assign(this.orbit, name === "plan" ? plan : orbit);
+    const from = name === "plan" ? [0, -0.001, 1] : [-0.1, -0.8, 0.6], widest = Math.max(high.x - low.x, high.y - low.y);
+    const corners = [0, tall].flatMap((z) => [[low.x, low.y, z], [high.x, low.y, z], [low.x, high.y, z], [high.x, high.y, z]]);
+    let far = widest / 4;
+    do {
+      this.camera.position.set(target.x + from[0] * far, target.y + from[1] * far, target.z + from[2] * far);
+      far *= 1.03;
+    } while (!this.shows(corners, target) && far < 50 * widest);
     this.orbit.target.copy(target);
     this.orbit.update();
     this.dirty = true;
   }
 
-  // Whether points of the ground are in the picture, above the charts.
+  // Whether points are in the picture, above the charts.
   shows(points, target) {
     this.camera.lookAt(target);
     this.camera.updateMatrixWorld();
-    const view = $("view").getBoundingClientRect(), charts = $("charts").getBoundingClientRect();
-    const bottom = 1.02 - 2 * (charts.top - view.top) / view.height;
-    return points.every(([x, y]) => {
-      const at = new THREE.Vector3(x, y, 0).project(this.camera);
-      return at.z < 1 && Math.abs(at.x) < 0.98 && at.y > bottom && at.y < 0.9;
+    const bottom = 1.02 - 2 * this.free() / window.innerHeight;
+    return points.every(([x, y, z]) => {
+      const at = new THREE.Vector3(x, y, z).project(this.camera);
+      return at.z < 1 && Math.abs(at.x) < 0.98 && at.y > bottom && at.y < 0.98;
     });
+  }
+
+  // Height of the picture above the charts, in pixels.
+  free() {
+    return $("charts").getBoundingClientRect().top - $("view").getBoundingClientRect().top;
   }
 
   listen() {
@@ -160,9 +154,10 @@ class Player {
   }
 
   resize() {
-    this.renderer.setSize(window.innerWidth, window.innerHeight, false);
-    this.camera.aspect = window.innerWidth / window.innerHeight;
-    this.camera.updateProjectionMatrix();
+    const width = window.innerWidth, height = window.innerHeight;
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.setViewOffset(width, height, 0, (height - this.free()) / 2, width, height);  // its middle lies above the charts
     this.charts.resize();
     this.dirty = true;
   }
