@@ -24,6 +24,9 @@ _parsed_once = lru_cache(maxsize=8)(
 
 def parsed(data, place, kind):
     """The JSON object in these bytes, if it is a `kind`."""
+    if not data.strip():
+        place.say(f"this file is empty; expected a Tiled {kind}", 1)
+        return None
     try:
         doc = (parsed_document if kind == "map" else _parsed_once)(data)
     except JsonError as error:

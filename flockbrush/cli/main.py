@@ -10,9 +10,7 @@ import enum
 import functools
 import gc
 import inspect
-import itertools
 import sys
-from dataclasses import fields
 from pathlib import Path
 from typing import Annotated
 
@@ -40,7 +38,9 @@ from flockbrush.cli.shared_options import (
     ThemeOption,
     Threads,
     TrackOptions,
+    given_options,
     grouped,
+    refuse_unused,
 )
 from flockbrush.cli.study_options import is_tracks, measure, sweep
 from flockbrush.engine.plain_text import plain
@@ -119,30 +119,18 @@ def play(
     if film.clip is not None:
         from flockbrush.studio.start_clip import mark_clip
 
-        _only("a clip", _others(start, "level", "theme", "size", "frames"), _others(tracks))
+        refuse_unused("a clip", given_options(start, "level", "theme", "size", "frames"), given_options(tracks))
         return mark_clip(**vars(film), theme=theme, size=start.size, frames=start.frames)
     if is_tracks(start.level):
         from flockbrush.studio.start_lift import show_flight
 
-        _only("tracks", _others(start, "level", "theme", "size", "frames"), _others(film, "camera"))
+        refuse_unused("tracks", given_options(start, "level", "theme", "size", "frames"), given_options(film, "camera"))
         return show_flight(start.level, film.camera, theme, start.size, start.frames, tracks.read())
     from flockbrush.studio.start import StartOptions, play_level
 
-    _only("a level or a recording", _others(film), _others(tracks))
+    refuse_unused("a level or a recording", given_options(film), given_options(tracks))
     palette = None if start.palette is None else start.palette.value
     return play_level(StartOptions(**vars(start) | {"theme": theme, "palette": palette}))
-
-
-def _others(options, *used):
-    """Names of the options given, but for those used."""
-    given = [f.name for f in fields(options) if getattr(options, f.name) != f.default]
-    return [name for name in given if name not in used]
-
-
-def _only(what, *unused):
-    """Refuse options that would be ignored."""
-    for name in itertools.chain(*unused):
-        raise typer.BadParameter(f"does not apply to {what}", param_hint=f"--{name.replace('_', '-')}")
 
 
 @app.command(cls=WithExports)

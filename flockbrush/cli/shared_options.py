@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import inspect
+import itertools
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
@@ -116,6 +117,18 @@ class TrackOptions:
         return Looking(
             unit=unit_of(self.unit), fps=self.fps, body_length_m=self.body_length_m, body_length_px=self.body_length_px
         )
+
+
+def given_options(options, *used: str) -> list[str]:
+    """Names of the options given, but for those used."""
+    given = [f.name for f in fields(options) if getattr(options, f.name) != f.default]
+    return [name for name in given if name not in used]
+
+
+def refuse_unused(what: str, *unused: list[str]) -> None:
+    """Refuse options that would be ignored; typer.BadParameter."""
+    for name in itertools.chain(*unused):
+        raise typer.BadParameter(f"does not apply to {what}", param_hint=f"--{name.replace('_', '-')}")
 
 
 def unit_of(text: str | None) -> str | None:

@@ -14,7 +14,9 @@ from flockbrush.cli.shared_options import (
     Threads,
     TrackOptions,
     WorkOptions,
+    given_options,
     grouped,
+    refuse_unused,
 )
 
 
@@ -47,6 +49,7 @@ def measure(
         return measure_tracks(recording, tracks.read(), plot, every, json)
     from flockbrush.cli.measure import measure_recording
 
+    refuse_unused("a recording", given_options(tracks))
     measure_recording(recording, plot, every, threads, json)
 
 

@@ -168,3 +168,10 @@ def test_a_measure_that_comes_later_stays_beside_its_times():
     series = as_series([{"time": 0.0, "a": 1.0}, {"time": 1.0, "a": 2.0, "b": 3.0}])
     assert series["time"] == [0.0, 1.0] and series["a"] == [1.0, 2.0]
     assert np.isnan(series["b"][0]) and series["b"][1] == 3.0
+
+
+def test_a_recording_has_no_use_for_options_of_tracks(cli, tmp_path):
+    (tmp_path / "walk.flock").write_bytes(b"")
+    for option, value in (("--unit", "bl"), ("--fps", "10"), ("--body-length-m", "1")):
+        done = cli("measure", tmp_path / "walk.flock", option, value)
+        assert done.code == 2 and f"{option}: does not apply to a recording" in done.err

@@ -365,7 +365,7 @@ class TestNoLevel:
     @pytest.mark.parametrize(
         "text, message",
         [
-            ("", "small.tmj:1: not valid JSON: expecting value, found the end of the file"),
+            ("", "small.tmj:1: this file is empty; expected a Tiled map"),
             ("[]", "small.tmj:1: this is not a Tiled map: expected an object, got a list"),
             ('{"type": "tileset"}', "small.tmj:1: this is not a Tiled map: its type is the text 'tileset'"),
             ('{"a": 1\n "b"}', "small.tmj:2: not valid JSON: expecting ',' delimiter, found '\"'"),
