@@ -254,6 +254,16 @@ _READ = {"layer": _tile_layer, "objectgroup": _object_layer, "imagelayer": _imag
 
 
 def _object(element):
+    """An object; what is wrong with it is said with its name."""
+    try:
+        return _object_node(element)
+    except JsonError as error:
+        name = element.attributes.get("name", "")[:60]
+        owner = f"object {name!r}" if name else "object without a name"
+        raise JsonError(f"{owner}: {error}", error.line) from None
+
+
+def _object_node(element):
     node = _node(element, **_properties(element))
     if "template" not in node:
         plain = {"name": "", "height": 0, "width": 0, "rotation": 0, "visible": True}

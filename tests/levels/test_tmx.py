@@ -165,6 +165,16 @@ BOMB = '<!DOCTYPE map [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><map>&b;</m
             1,
         ),
         ('<map width="1e999"/>', "width must be a finite number, got '1e999'", 1),
+        (
+            '<map><objectgroup>\n<object name="pond" width="wide"/></objectgroup></map>',
+            "object 'pond': width must be a number, got 'wide'",
+            2,
+        ),
+        (
+            '<map><objectgroup>\n<object>\n<polygon points="0,0 1,x"/></object></objectgroup></map>',
+            "object without a name: y must be a number, got 'x'",
+            3,
+        ),
         ('<map>\n<layer name="x"/></map>', "layer 'x' has no data", 2),
         ('<map><layer name="x">\n<data encoding="csv">1,b</data></layer></map>', "whole numbers with commas", 2),
         ("<g>" * (limits.JSON_DEPTH + 1), "nested deeper than", 1),
