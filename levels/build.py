@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from flockbrush.behaviours.brush import Brush, BrushLibrary, shipped
@@ -20,6 +21,7 @@ from flockbrush.engine.noise import Noise, seed_of, whole
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.engine.schedule import Schedule
 from flockbrush.engine.world import World
+from flockbrush.levels.libraries import input_files
 from flockbrush.levels.scaling import scaled
 from flockbrush.levels.schema import Level, Spawn
 from flockbrush.levels.terrain_kinds import TERRAINS, Terrain, TerrainKind, bare
@@ -109,6 +111,10 @@ class Simulation:
     def parts(self):
         """Counts and measures at this tick by species, brush and group (`flockbrush.systems.groups`)."""
         return summary(self.world)
+
+    def inputs(self) -> list[Path]:
+        """The files on disk that this simulation was made from; nothing may be written in their place."""
+        return input_files(self.level.path, self.assets())
 
     def assets(self) -> dict[str, bytes]:
         """All files this simulation was made from, as bytes by name; a recording embeds them."""

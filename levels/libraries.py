@@ -36,6 +36,12 @@ def program_library(files):
     return ProgramLibrary([*folders, *shipped_programs().folders], embedded)
 
 
+def input_files(path, names) -> list[Path]:
+    """Files that a level at ``path`` reads, by their names in it: beside the level or in its project."""
+    folders = dict.fromkeys((Path(path).parent.resolve(), project_folder(path)))
+    return [file for folder in folders for name in names if (file := folder / name).is_file()]
+
+
 def program_folders(path):
     """Folders ``programs`` beside a level and in its project."""
     path = Path(path)

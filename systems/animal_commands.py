@@ -155,11 +155,11 @@ class AddAnimals:
 
 @command
 class RemoveAnimals(OfAnimals):
-    """Take the animals in a circle away: all, or one species."""
+    """Take animals away: all, one species, or those in a circle."""
 
     x: float
     y: float
-    radius: float
+    radius: float  # m; 0: everywhere
     species: str = ""
 
     def touches(self, world):

@@ -18,7 +18,7 @@ import flockbrush
 from flockbrush import levels
 from flockbrush.behaviours.brush import SUFFIX, load_brush
 from flockbrush.engine import limits
-from flockbrush.engine.files import refused
+from flockbrush.engine.files import output_problems, refused
 from flockbrush.engine.keyframe_spacing import KeyframeSpacing
 from flockbrush.engine.locks import Advice
 from flockbrush.engine.noise import seed_of, whole
@@ -192,7 +192,14 @@ def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | Non
 
     A hash and sums are kept for every tick, so that a replay can name the very tick that differs; ``keyframes`` is the
     number of ticks between snapshots, `usual_keyframes` by default.
+
+    Raises
+    ------
+    ProblemsError
+        Where nothing can be written, or where a file of the level would be lost.
     """
+    if problems := output_problems([path], simulation.inputs()):
+        raise ProblemsError(problems)
     spacing = usual_keyframes(simulation, keyframes)
     return Recorder(Recording.create(path, *beginning_of(simulation)), simulation.world, 1, spacing)
 
