@@ -17,6 +17,7 @@ SLACK = 1e-6  # m of room kept free against rounding
 SLIDES = 4  # surfaces a body slides along in one step
 PUSHES = 16  # out of solids that have come over a body
 GROWTH = 2.5  # no point of a solid grown by w is farther than this times w from the solid
+LEVEL = 0.5  # up and down part of the normal of a wall, at most
 
 
 @kernel_function
@@ -264,7 +265,7 @@ def past_(s, k, pose, beyond, lowest, odd):
     """Unit vector to a point ``beyond`` m past the silhouette edge of a solid nearest to the heading of a `BodyFrame`.
 
     Points more than ``lowest`` m below the body are under the ground.  Dead ahead of a cylinder, ``odd`` says on which
-    side.  From where there is no such edge (a plane, or inside) it leads along the nearest face.
+    side.  From where there is no such edge (a plane, or inside) it leads along the nearest face, level along a wall.
     """
     (x, y, z), (fx, fy, fz), (ux, uy, uz) = pose
     cx, cy, cz = s.centre[k, 0] - x, s.centre[k, 1] - y, s.centre[k, 2] - z
@@ -282,6 +283,11 @@ def past_(s, k, pose, beyond, lowest, odd):
     if not found:
         into = fx * nx + fy * ny + fz * nz
         px, py, pz = fx - into * nx, fy - into * ny, fz - into * nz
+        if abs(nz) < LEVEL:  # up and down leads past no wall
+            pz = 0.0
+            if px * px + py * py < 1e-12:
+                side = 1.0 if odd else -1.0
+                px, py = side * -ny, side * nx
         if px * px + py * py + pz * pz < 1e-12:
             into = ux * nx + uy * ny + uz * nz
             px, py, pz = ux - into * nx, uy - into * ny, uz - into * nz

@@ -245,7 +245,16 @@ def test_at_a_plane_the_aim_is_along_it():
     there = aim(wall, (1, 0.3, 0))
     assert there[1] > 0.9
     assert there[0] < 0
-    assert aim(wall, (1, 0, 0))[2] > 0.9  # dead ahead: upwards
+    assert aim(half_space((0, 0, 9), (0, 0, -1)), (0, 0, 1), up=(1, 0, 0))[0] > 0.9  # dead ahead: upwards of the body
+
+
+@pytest.mark.parametrize("odd", [0, 1])
+def test_along_a_wall_the_aim_is_level(odd):
+    wall = half_space((5, 0, 0), (-1, 0, 0))
+    ahead = aim(wall, (1, 0, 0), odd=odd)
+    assert abs(ahead[1]) > 0.9 and (ahead[1] > 0) == (odd == 0) and ahead[2] == 0.0
+    climbing = aim(wall, (0.2, 0.1, 0.97), odd=odd)
+    assert climbing[1] > 0.9 and climbing[2] == 0.0
 
 
 # steps --------------------------------------------------------------------------------

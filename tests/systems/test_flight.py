@@ -369,6 +369,17 @@ def test_on_hills_nobody_is_under_the_ground():
         assert room_in_the_air(simulation).min() > -1e-9
 
 
+@pytest.mark.parametrize("at, forward", [((20, 0.6, 20), (0, -1, 0)), ((5, 5, 20), (-0.5, -0.5, 0.6))])
+def test_a_bird_at_a_wall_turns_away_and_does_not_climb_along_it(at, forward):
+    simulation = one_bird(mean=10.0, at=at, forward=forward, level={"boundary": "wall"})
+    simulation.run(3 * 32)
+    at_wall = vectors(simulation)[0]
+    simulation.run(5 * 32)
+    place, velocity = vectors(simulation)[:2]
+    assert np.hypot(*velocity[:2]) > 1.0 and np.hypot(*(place - at_wall)[:2]) > 5.0
+    assert abs(place[2] - at_wall[2]) < 0.5
+
+
 def test_under_a_ceiling_and_over_a_lake():
     lake, ceiling = obstacle(box(1, 1, 2, 2), "lake"), obstacle(box(1, 1, 2, 2), "ceiling")
     things = [with_shape(lake, "plane", -1.0, 2.0), with_shape(ceiling, "plane", 6.0, 7.0)]
