@@ -117,7 +117,8 @@ def _edit(job, kind, run, file) -> Edit:
     except ValueError as error:
         raise refused(job.recording, str(error)) from None
     if not len(ids):
-        raise refused(job.recording, f"no animal is selected at {time:g} s by {selection}")
+        hint = "--at S selects at another time"
+        raise refused(job.recording, f"no animal is selected at {time:g} s by {selection}; {hint}")
     edit = Edit(kind, tuple(ids.tolist()), start, end, because=f"{selection} at {time:g} s")
     if kind == "move":
         middle = moment.xyz[np.isin(moment.ids, ids), :2].mean(axis=0)

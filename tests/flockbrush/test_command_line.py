@@ -1,6 +1,7 @@
 """The command line as a whole: help, versions, mistakes, pipes."""
 
 import json
+import shutil
 import subprocess
 import sys
 
@@ -128,6 +129,31 @@ def test_writing_over_the_level_that_is_run_is_refused(cli, level):
     done = cli("run", level, "--ticks", "1", "--record", level)
     assert (done.code, level.read_bytes()) == (1, before)
     assert "is also an input file" in done.err
+
+
+@pytest.mark.parametrize("how", [["--record"], ["--export", "a.csv", "--record"]], ids=" ".join)
+def test_writing_over_a_file_that_the_level_reads_is_refused(cli, level, how, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    read = level.parent / "tilesets" / "terrain.tsj"
+    before = read.read_bytes()
+    done = cli("run", level, "--ticks", "1", *how, read)
+    assert (done.code, read.read_bytes()) == (1, before)
+    assert done.err == f"{read}: is also an input file; choose another name\n"
+    assert list(tmp_path.glob("*")) == [] and not read.with_name(read.name + ".bak").exists()
+
+
+def test_writing_over_a_picture_of_heights_is_refused(cli, tmp_path):
+    from flockbrush.runs.run import find_level
+
+    for name in ("ridge.tmj", "ridge-height.png"):
+        shutil.copy(find_level("ridge").with_name(name), tmp_path / name)
+    shutil.copytree(find_level("ridge").parent.parent / "tilesets", tmp_path / "tilesets")
+    text = (tmp_path / "ridge.tmj").read_text(encoding="utf-8").replace("..\\/tilesets", "tilesets")
+    (tmp_path / "ridge.tmj").write_text(text, encoding="utf-8")
+    before = (tmp_path / "ridge-height.png").read_bytes()
+    done = cli("run", tmp_path / "ridge.tmj", "--ticks", "1", "--export", tmp_path / "ridge-height.png")
+    assert (done.code, (tmp_path / "ridge-height.png").read_bytes()) == (1, before)
+    assert "ridge-height.png: is also an input file" in done.err
 
 
 def test_a_bug_is_said_to_be_one_with_the_way_to_see_more(cli, monkeypatch):
