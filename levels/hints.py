@@ -158,6 +158,21 @@ def program_hints(level, places):
             places[spawn.id].warn(f"program {spawn.program!r} names the {wrong}: no animal is ever in it{hint}")
 
 
+def event_hints(level, places):
+    """Warn about zones that raise events for which no program listens.
+
+    Parameters
+    ----------
+    places : dict of int to Place
+        By the id of the object.
+    """
+    heard = sorted({event for program in level.programs.values() for event in program.events})
+    for zone in level.zones:
+        if zone.event and zone.event not in heard:
+            hint = did_you_mean(zone.event, heard)
+            places[zone.id].warn(f"no program of this level listens for the event {zone.event[:60]!r}{hint}")
+
+
 def script_hints(level, places):
     """Warn about commands of the script that change no animal.
 

@@ -22,6 +22,7 @@ from flockbrush.levels.checked_nodes import parsed, text
 from flockbrush.levels.checks import check_level
 from flockbrush.levels.height_picture import read_grey
 from flockbrush.levels.hints import (
+    event_hints,
     layer_hints,
     level_hints,
     mixing_hints,
@@ -164,6 +165,7 @@ class LevelReader:
             layer_hints(layer for layer in layers if not plain_name(layer.name).startswith(schema.IGNORED))
             level_hints(level, self.objects.places)
             program_hints(level, self.objects.places)
+            event_hints(level, self.objects.places)
             script_hints(level, self.objects.places)
             for zone in level.zones:
                 paint_hints(zone, self.objects.places[zone.id], self.library)

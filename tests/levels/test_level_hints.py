@@ -92,6 +92,22 @@ class TestPrograms:
         found = [str(warning) for warning in read_level_files(files, library=shipped()).warnings]
         assert len(found) == (said is not None) and (said is None or said in found[0]), found
 
+    @pytest.mark.parametrize(("event", "said"), [("gate", None), ("gates", "the event 'gates'; did you mean 'gate'?")])
+    def test_an_event_of_a_zone_that_nobody_hears_is_told(self, event, said):
+        program = (
+            'schema = "flockbrush.program/1"\n[state.a]\n[state.b]\n[[trigger]]\nfrom = "a"\nto = "b"\n'
+            'when = { event = "gate" }\n'
+        )
+        zone = thing(5, "Zone", 20, 20, 40, 40, brush="march", event=event)
+        document = level(
+            objects("spawns", herd(species="sheep", brush="graze", program="watch", count=3)), objects("zones", zone)
+        )
+        files = {
+            "small.tmj": json.dumps(document, indent=1).encode(), "programs/watch.program.toml": program.encode(),
+        }  # fmt: skip
+        found = [str(warning) for warning in read_level_files(files, library=shipped()).warnings]
+        assert len(found) == (said is not None) and (said is None or found[0].endswith(said)), found
+
     def test_a_change_of_brush_that_programs_hide_is_told(self):
         key = thing(4, "Key", 20, 20, extra={"point": True}, at=1.0, command="SwitchBrush", brush="march")
         for program, number in (("", 0), ("merino", 1)):
