@@ -129,7 +129,7 @@ def _value(name, text, line):
 
 def _number(text, line, name):
     try:
-        if len(text) > limits.JSON_DIGITS:
+        if len(text) > limits.JSON_DIGITS or "_" in text:  # Python reads 4_0 as 40
             raise ValueError
         value = float(text)
     except ValueError:
