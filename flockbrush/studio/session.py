@@ -16,7 +16,7 @@ from flockbrush.engine.files import output_problems
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.editor import EditError, Editor, JournalError
-from flockbrush.levels.libraries import brush_library, input_files
+from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level_text
 from flockbrush.runs import run as running
 from flockbrush.runs.snapshots import moment_of, names_of
@@ -91,7 +91,7 @@ class Session(TickRunner, SessionFiles):
         """
         level, library = running.open_level(name)
         record = None if record is None else Path(record)
-        problems = output_problems([record] if record else [], input_files(level.path, level.files))
+        problems = output_problems([record] if record else [], [level.path])
         if problems:
             raise ProblemsError(problems)
         notices: list[SessionNotice] = []
