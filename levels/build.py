@@ -112,9 +112,16 @@ class Simulation:
         """Counts and measures at this tick by species, brush and group (`flockbrush.systems.groups`)."""
         return summary(self.world)
 
-    def inputs(self) -> list[Path]:
-        """The files on disk that this simulation was made from; nothing may be written in their place."""
-        return input_files(self.level.path, self.assets())
+    def inputs(self, outputs: Sequence = ()) -> list[Path]:
+        """The files on disk that this simulation was made from; nothing may be written in their place.
+
+        A recording does not know where its level is: those of the ``outputs`` that hold one of its files are among
+        them.
+        """
+        assets = self.assets()
+        sizes = set(map(len, assets.values()))
+        there = [path for path in map(Path, outputs) if path.is_file() and path.stat().st_size in sizes]
+        return input_files(self.level.path, assets) + [path for path in there if path.read_bytes() in assets.values()]
 
     def assets(self) -> dict[str, bytes]:
         """All files this simulation was made from, as bytes by name; a recording embeds them."""

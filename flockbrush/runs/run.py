@@ -198,7 +198,7 @@ def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | Non
     ProblemsError
         Where nothing can be written, or where a file of the level would be lost.
     """
-    if problems := output_problems([path], simulation.inputs()):
+    if problems := output_problems([path], simulation.inputs([path])):
         raise ProblemsError(problems)
     spacing = usual_keyframes(simulation, keyframes)
     return Recorder(Recording.create(path, *beginning_of(simulation)), simulation.world, 1, spacing)

@@ -151,9 +151,14 @@ def test_writing_over_a_picture_of_heights_is_refused(cli, tmp_path):
     text = (tmp_path / "ridge.tmj").read_text(encoding="utf-8").replace("..\\/tilesets", "tilesets")
     (tmp_path / "ridge.tmj").write_text(text, encoding="utf-8")
     before = (tmp_path / "ridge-height.png").read_bytes()
-    done = cli("run", tmp_path / "ridge.tmj", "--ticks", "1", "--export", tmp_path / "ridge-height.png")
-    assert (done.code, (tmp_path / "ridge-height.png").read_bytes()) == (1, before)
-    assert "ridge-height.png: is also an input file" in done.err
+    assert cli("run", tmp_path / "ridge.tmj", "--ticks", "1", "--record", tmp_path / "a.flock").code == 0
+    for words in (
+        ["run", tmp_path / "ridge.tmj", "--ticks", "1", "--export"],
+        ["export", tmp_path / "a.flock", "--to"],
+    ):
+        done = cli(*words, tmp_path / "ridge-height.png")
+        assert (done.code, (tmp_path / "ridge-height.png").read_bytes()) == (1, before)
+        assert "ridge-height.png: is also an input file" in done.err
 
 
 def test_a_bug_is_said_to_be_one_with_the_way_to_see_more(cli, monkeypatch):
