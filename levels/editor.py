@@ -20,7 +20,7 @@ from flockbrush.engine.files import write_bytes
 from flockbrush.engine.plain_json import json_lines
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.levels.document_changes import EditError
-from flockbrush.levels.level_files import MemoryFiles, project_folder
+from flockbrush.levels.level_files import MemoryFiles, is_of_project, project_folder
 from flockbrush.levels.level_writer import Document, dump
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.map_edits import EditedMap
@@ -138,6 +138,17 @@ class Editor(CommandStack):
         entry = {"label": label, "commands": _records(commands), "back": _records(back), "join": join}
         self._note("do", tick, serial=step.serial, **entry)
 
+    def recorded(self, commands, tick):
+        """Do to the document what was done in the recorded run that is edited on; undo does not go back before it.
+
+        Raises
+        ------
+        EditError
+            When the file cannot take it.  Nothing has changed then.
+        """
+        self._change(commands)
+        self._note("recorded", tick, commands=_records(commands))
+
     def undo(self, tick=0, again=None):
         """Take the last step back in the document; the commands that do so in the world.
 
@@ -249,6 +260,8 @@ class Editor(CommandStack):
             self.redo(tick, event["back"] and _commands(event["back"]))
             self.done[-1].serial = event["serial"]
             self._serial = max(self._serial, event["serial"])
+        elif kind == "recorded":
+            self.recorded(_commands(event["commands"]), tick)
         elif kind == "ahead":
             self.undone = [_step_of(step) for step in event["steps"]]
             self._note("ahead", tick, steps=event["steps"])
@@ -302,7 +315,7 @@ class Editor(CommandStack):
         moved, root = {}, project_folder(to)
         for name in self._named():
             source = Path(os.path.normpath(source_folder / name))
-            if source.is_relative_to(root):
+            if is_of_project(source, root):
                 new = PurePosixPath(os.path.relpath(source, target_folder).replace(os.sep, "/")).as_posix()
             else:
                 new = _copied_beside(source, to)
@@ -362,8 +375,13 @@ class Editor(CommandStack):
             self._journal = None
 
     @classmethod
-    def recover(cls, journal, library=None) -> Editor:
+    def recover(cls, journal, library=None, path=None) -> Editor:
         """The editor that wrote a journal, as it was after the last line that is whole.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the level lies now; where it lay by default.
 
         Raises
         ------
@@ -375,7 +393,7 @@ class Editor(CommandStack):
             head = next(events, None) or {}
             if head["event"] != "open" or head["format"] != FORMAT:
                 raise ValueError
-            path, text = head["path"], head["document"]
+            path, text = str(path or head["path"]), head["document"]
             files = MemoryFiles({Path(path).name: b"", **{n: data.encode() for n, data in head["files"].items()}})
             editor = cls(_document(text, path), library, files)
         except OSError as error:

@@ -20,6 +20,12 @@ def project_folder(level: Path) -> Path:
     return next((f for f in (here, *here.parents) if (f / PROJECT_FILE).is_file()), here)
 
 
+def is_of_project(file: Path, root: Path) -> bool:
+    """Whether a file lies in this project, and not in another one below its folder."""
+    between = [folder for folder in file.parents if folder != root and folder.is_relative_to(root)]
+    return file.is_relative_to(root) and not any((folder / PROJECT_FILE).is_file() for folder in between)
+
+
 class DiskFiles:
     """The files beside a level; `got` remembers all that was read."""
 

@@ -132,6 +132,14 @@ class EditStep:
 class CommandStack(UndoStack):
     """The undo stack of edits of the running world."""
 
+    def undo_label_at(self, tick):
+        """What undo would take back of what was done up to a tick, or None."""
+        return next((step.label for step in reversed(self.done) if step.tick <= tick), None)
+
+    def redo_label_at(self, tick):
+        """What redo would do again at a tick: the first step that was done later, or the last one undone; or None."""
+        return next((step.label for step in self.done if step.tick > tick), self.redo_label)
+
     @property
     def undo_commands(self):
         """What undo does to the world, or None."""

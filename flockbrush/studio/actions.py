@@ -211,12 +211,13 @@ class AppActions:
         self.ask("Unsaved changes", why, answers)
 
     def _recover(self, left):
+        from flockbrush.engine.problems import ProblemsError
         from flockbrush.engine.recording import RecordingError
-        from flockbrush.studio.session import Session
+        from flockbrush.studio.recorded_session import recovered
 
         try:
-            session = Session.recover(left)
-        except RecordingError as error:
+            session = recovered(left)
+        except (RecordingError, ProblemsError, OSError) as error:
             return self.notify(f"these changes cannot be recovered: {error}", "error")
         self.session.close()
         self.session = session

@@ -144,6 +144,18 @@ class Branch:
         """Commands that were applied at the start of this tick."""
         return [cmd for _, cmd in between(self.commands, tick, tick)]
 
+    def done_by_hand(self):
+        """(tick, command) of what was done to the run beside what its level's script does."""
+        script, by_hand = list(self.script), []
+        for tick, cmd in self.commands:
+            given = next((entry for entry in script if entry[:2] == (tick, cmd)), None)
+            if given is None:
+                by_hand.append((tick, cmd))
+            else:
+                script.remove(given)
+            script = script_after(script, [(tick, cmd)], DT)
+        return by_hand
+
     def _to_come(self, tick):
         """What of the script, as the commands left it, comes after a tick."""
         return [entry for entry in script_after(self.script, self.commands, DT) if entry[0] > tick]

@@ -39,6 +39,10 @@ class History(CommandStack):
         """Note what the world has taken."""
         self.note(label, commands, back, tick, join)
 
+    def recorded(self, commands, tick):
+        """New objects get other ids than those of the recorded run."""
+        self._highest = max([self._highest, *(getattr(cmd, "id", 0) for cmd in commands)])
+
     def undo(self, tick=0, again=None):
         """Forget the last step, until it is done again."""
         step = self.take_back()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path, PurePosixPath
 
-from flockbrush.engine.files import write_bytes
+from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError, open_recording
+from flockbrush.levels.editor import EditError
 from flockbrush.levels.schema import PROJECT_FILE
 from flockbrush.runs import run as running
 from flockbrush.runs.run_edits import EXACT
@@ -35,6 +36,35 @@ class RecordedSession(Session):
     unpacked: tuple[Path, ...] = ()
     recorded = 0.0
     _stops = False  # whether playing pauses at the end of the recording
+
+    @classmethod
+    def recover(cls, left, state_folder=None):
+        """As `Session.recover`; the level is unpacked again.  OSError when there is no place for it."""
+        session = super().recover(left, state_folder)
+        session.lent = True
+        session.unpacked = tuple(file for file in (session._recovery.folder / FOLDER).rglob("*") if file.is_file())
+        return session
+
+    @staticmethod
+    def _level_of(left, recovery, assets):
+        if recovery is None:
+            raise refused(left.level, "there is no place to unpack the level of the recording again")
+        unpacked(assets, recovery.folder / FOLDER, left.folder)
+        return recovery.folder / left.level.relative_to(left.folder)
+
+    def _recovered_editor(self, name, journal, path=None):
+        return super()._recovered_editor(name, journal, self.path)
+
+    def take_into_level(self, done):
+        """Do to the level's document what was done in the recorded run: (tick, command) each."""
+        left_out: dict[str, None] = {}
+        for tick, cmd in done:
+            try:
+                self.editor.recorded([cmd], tick)
+            except EditError as error:
+                left_out[f"{type(cmd).__name__} at {tick * self.clock.dt:g} s ({error})"] = None
+        if left_out:
+            self._say("warning", f"a saved level will lack what it cannot hold of this run: {', '.join(left_out)}")
 
     def view(self):
         """As `Session.view`, with the edits of the recording."""
@@ -150,7 +180,7 @@ def open_recorded(path, state_folder=None) -> Session:
     try:
         level, library = running.embedded_level(run)
         recovery = RecoveryFolder(Path(path).with_suffix(".tmj"), state_folder)
-        files = unpacked(run, recovery.folder / FOLDER)
+        files = unpacked(run.assets, recovery.folder / FOLDER, run.path)
         branch = Branch.begun(MAIN, Beginning(level, library, run.header["seed"], run.header.get("agents")), simulation)
         branch.header, branch.assets = run.header, run.assets
         branch.take_over(run, simulation.world, KEYFRAME_BYTES // 2)
@@ -171,6 +201,7 @@ def open_recorded(path, state_folder=None) -> Session:
     session.lent, session.library, session.unpacked = True, library, files
     session._file = LevelFile(home, level.files[level.path.name])
     session._edit()
+    session.take_into_level(branch.done_by_hand())
     session.recorded = run.last_tick * run.header["dt"]
     session.edits, why = edits_of_recording(path)
     for warning in filter(None, (why, unlike)):
@@ -178,7 +209,13 @@ def open_recorded(path, state_folder=None) -> Session:
     return session
 
 
-def unpacked(run, folder) -> tuple[Path, ...]:
+def recovered(left, state_folder=None) -> Session:
+    """Go on where a crash ended a session, of a level or of a recording, as `Session.recover`."""
+    kind = RecordedSession if left.folder in left.level.parents else Session
+    return kind.recover(left, state_folder)
+
+
+def unpacked(assets, folder, source) -> tuple[Path, ...]:
     """Write the files that a recording embeds below a folder, which becomes a project of its own; their paths.
 
     Raises
@@ -187,10 +224,10 @@ def unpacked(run, folder) -> tuple[Path, ...]:
         When a name leads out of the folder.
     """
     files = []
-    for name, data in run.assets.items():
+    for name, data in assets.items():
         parts = PurePosixPath(name).parts
         if not parts or name.startswith("/") or ".." in parts or "\\" in name or ":" in name or "\0" in name:
-            raise RecordingError(f"{run.path}: contains a file {name!r} outside its folder")
+            raise RecordingError(f"{source}: contains a file {name!r} outside its folder")
         to = folder.joinpath(*parts)
         to.parent.mkdir(parents=True, exist_ok=True)
         files.append(write_bytes(to, data))
@@ -201,6 +238,6 @@ def unpacked(run, folder) -> tuple[Path, ...]:
 
 def _opening_notice(run):
     seconds = run.last_tick * run.header["dt"]
-    text = f"recording {Path(run.path).name}: {seconds:g} s. Drag in the time bar; a change starts a branch"
-    text = f"{text}. Press D to edit recorded animals for exports"
+    text = f"recording {Path(run.path).name}: {seconds:g} s. Drag in the time bar"
+    text = f"{text}; a change before its end starts a branch. Press D to edit recorded animals for exports"
     return f"{text}. {run.notice}" if run.notice else text

@@ -122,11 +122,12 @@ class Session(TickRunner, SessionFiles):
         branches = recovered_branches(left)
         notices: list[SessionNotice] = []
         with recovery_folder(left.level, state_folder, notices) as recovery:
+            path = cls._level_of(left, recovery, branches[left.current].assets)
             try:
                 timeline = Timeline.resumed(branches, left.current, recovery and recovery.folder, sample_of)
             except WentWrong as error:
                 raise RecordingError(f"{left.level}: {error}") from None
-        session = cls(left.level, timeline, recovery, notices)
+        session = cls(path, timeline, recovery, notices)
         session.library = brush_library(session.path, session.level.files)
         for name, branch in timeline.branches.items():
             session._adopt(session._recovered_editor(name, left.branches[name].journal), branch)
@@ -134,12 +135,12 @@ class Session(TickRunner, SessionFiles):
         left.discard()
         return session
 
-    def _recovered_editor(self, name, journal):
+    def _recovered_editor(self, name, journal, path=None):
         """The editor whose journal a crash left."""
         try:
             if journal is None:
                 raise JournalError("its journal is missing")
-            return Editor.recover(journal)
+            return Editor.recover(journal, path=path)
         except (JournalError, ProblemsError) as error:
             self._say("warning", f"{name}: the changes of the level are lost: {error}")
             return History(self.path, "its edits were lost in a crash; open the level again to edit it")
@@ -450,12 +451,12 @@ class Session(TickRunner, SessionFiles):
     @property
     def undo_label(self):
         """What undo would take back, or None."""
-        return self.editor.undo_label
+        return self.editor.undo_label_at(self.tick)
 
     @property
     def redo_label(self):
         """What redo would do again, or None."""
-        return self.editor.redo_label
+        return self.editor.redo_label_at(self.tick)
 
     def _leave_past(self):
         """What is done in the past is another course of events; whether a branch was begun for it."""

@@ -299,6 +299,11 @@ class SessionFiles:
             self._recovery.close(keep, unsaved)
         return keep
 
+    @staticmethod
+    def _level_of(left, recovery, assets):
+        """The path of the level with which a crashed session (`recovery.Leftover`) goes on."""
+        return left.level
+
     def _adopt(self, editor, branch=None):
         """Have this editor on a branch, with a journal that a crash leaves."""
         branch = branch or self.timeline.current

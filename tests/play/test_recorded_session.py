@@ -5,13 +5,17 @@ import pytest
 import typer
 from flockbrush.engine.recording import RecordingError, open_recording
 from flockbrush.engine.state import state_hash
+from flockbrush.systems.edits import RemoveThing
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.obstacle_commands import AddObstacle
 from small_pasture import pasture, stroke, verified
 from typer.testing import CliRunner
 from window import Window
 
 from flockbrush.cli.main import app as cli
 from flockbrush.studio.app import App
-from flockbrush.studio.recorded_session import open_recorded, unpacked
+from flockbrush.studio.recorded_session import open_recorded, recovered, unpacked
+from flockbrush.studio.session import Session
 from flockbrush.studio.start import StartOptions, refuse_wishes
 
 TICKS = 96
@@ -95,6 +99,88 @@ def test_its_level_is_saved_under_another_name_and_the_recording_stays(recording
     assert recording.read_bytes() == before
 
 
+def obstacles(session):
+    return {(obstacle.id, obstacle.name) for obstacle in session.simulation.world.resource(Landscape).obstacles}
+
+
+@pytest.fixture(params=["from its beginning", "after a crash"])
+def worked_on(request, tmp_path):
+    """A recording at its end: a rampart was built in it, a place painted, and another painted and undone."""
+    made = Session.open(pasture(tmp_path), state_folder=tmp_path / "made")
+    made.step(10)
+    assert made.do("wall", [AddObstacle("rampart", [[10, 2], [12, 2], [12, 3], [10, 3]], id=made.editor.new_id())])
+    assert made.do("paint", [stroke("swarm", 6, 8, 3)]) and made.do("paint", [stroke("march", 20, 3, 2)])
+    made.step(2)
+    assert made.undo()
+    made.step(4)
+    assert made.export_recording(tmp_path / "worked.flock")
+    made.close()
+    session = open_recorded(tmp_path / "worked.flock", tmp_path / "state")
+    assert [notice.kind for notice in session.notices()] == ["info"] and not session.dirty
+    if request.param == "after a crash":
+        session.scrub(session.last_tick)
+        assert session.do("paint", [stroke("swarm", 20, 13, 1)])
+        session.close(keep=True)
+        session = recovered(Session.recoverable(state_folder=tmp_path / "state")[0], tmp_path / "state")
+        assert session.lent and session.path.exists()
+    session.scrub(session.last_tick)
+    yield session
+    session.close()
+
+
+def test_what_was_built_and_painted_in_a_recorded_run_is_in_its_level(worked_on, tmp_path):
+    session = worked_on
+    known = obstacles(session)
+    wall = next(number for number, name in known if name == "rampart")
+    assert session.do("shed", [AddObstacle("shed", [[2, 2], [3, 2], [3, 3], [2, 3]], id=session.editor.new_id())])
+    assert obstacles(session) > known and len(obstacles(session)) == len(known) + 1
+    (tmp_path / "saved").mkdir()
+    assert session.save(tmp_path / "saved" / "pasture.tmj")
+    saved = Session.open(tmp_path / "saved" / "pasture.tmj", state_folder=tmp_path / "other")
+    land, shown = (one.simulation.world.resource(Landscape) for one in (saved, session))
+    assert obstacles(saved) == obstacles(session) and (land.brush == shown.brush).all() and land.brush.any()
+    saved.close()
+    assert session.do("remove", [RemoveThing("obstacle", wall)]) and wall not in dict(obstacles(session))
+    assert session.undo() and wall in dict(obstacles(session))
+    session.restart()
+    assert {name for _, name in obstacles(session)} >= {"rampart", "shed"} and session.tick == 0
+
+
+def test_a_level_as_it_was_earlier_lacks_what_was_built_later(worked_on):
+    worked_on.scrub(5)
+    assert "rampart" not in worked_on.editor.at(5).text() and "rampart" in worked_on.editor.text()
+    worked_on.branch("early")
+    assert "rampart" not in worked_on.editor.text()
+
+
+def test_what_the_script_of_a_level_does_is_no_change_of_the_level(session):
+    assert session.timeline.current.commands and session.timeline.current.done_by_hand() == []
+
+
+def test_new_objects_of_a_run_whose_level_cannot_be_edited_get_ids_of_their_own(tmp_path):
+    made = Session.open("sheep-pasture", agents=3000, state_folder=tmp_path / "made")
+    number = made.editor.new_id()
+    assert made.do("wall", [AddObstacle("wall", [[1, 1], [2, 1], [2, 2]], id=number)])
+    made.step(1)
+    assert made.export_recording(tmp_path / "many.flock")
+    made.close()
+    session = open_recorded(tmp_path / "many.flock", tmp_path / "state")
+    assert session.editor.new_id() > number
+    session.close()
+
+
+def test_undo_in_the_past_takes_back_what_was_done_until_then(session):
+    session.scrub(TICKS)
+    assert session.do("paint", [stroke("swarm", 6, 8, 3)]) and session.undo_label == "paint"
+    session.step(3)
+    session.scrub(20)
+    assert session.undo_label is None and session.redo_label == "paint"
+    session.edits.select([1, 2])
+    session.edit("delete")
+    assert session.undo_label and session.undo() and not session.edits.file.edits()
+    assert session.branch_name == "main"
+
+
 def test_nothing_of_it_stays_in_the_folder_of_sessions(recording, tmp_path):
     open_recorded(recording, tmp_path / "state").close()
     assert not [path for path in (tmp_path / "state").rglob("*.tmj") if "trash" not in path.parts]
@@ -102,9 +188,8 @@ def test_nothing_of_it_stays_in_the_folder_of_sessions(recording, tmp_path):
 
 def test_names_that_lead_out_of_the_folder_are_refused(tmp_path):
     for name in ("../evil", "/etc/evil", "a/../../b", "c:evil", "a\\b"):
-        run = type("Run", (), {"assets": {name: b"x"}, "path": "r.flock", "header": {"level": name}})
-        with pytest.raises(RecordingError, match="outside its folder"):
-            unpacked(run, tmp_path / "in")
+        with pytest.raises(RecordingError, match=r"r\.flock: contains a file .* outside its folder"):
+            unpacked({name: b"x"}, tmp_path / "in", "r.flock")
     assert not (tmp_path / "evil").exists()
 
 
