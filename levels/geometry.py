@@ -103,6 +103,19 @@ def centroid(polygon):
     return polygon[0] + ((p + q) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
 
 
+def inner_point(polygon):
+    """A point (2,) in a polygon: its centre of mass, or far from its edges where that lies outside, as in a ring."""
+    middle = centroid(polygon)
+    if inside(middle[None], polygon)[0]:
+        return middle
+    points, a = sample(polygon), polygon
+    edge = np.roll(a, -1, axis=0) - a
+    from_start = points[:, None] - a
+    share = np.clip((from_start * edge).sum(-1) / np.maximum((edge**2).sum(-1), 1e-12), 0.0, 1.0)
+    far = np.hypot(*np.moveaxis(from_start - share[..., None] * edge, -1, 0)).min(1)
+    return points[far.argmax()]
+
+
 def crossing(polygon):
     """Two edges that cross or touch without being neighbours, or None: (i, j).
 

@@ -275,7 +275,7 @@ class Evidence:
     sha256: str  # of the clip's file
     fps: float  # frames a second of the fields and sightings
     body_length_px: float  # pixels of the reference picture in one BL
-    length_source: str  # {"given", "blobs"}; given by a person, or estimated
+    length_source: str  # {"given", "assumed", "blobs"}; given by a person, usual for the unit, or estimated
     radius_bl: float  # half the width of a body over its length
     fields: Fields
     sightings: Sightings | None = None  # None if bodies do not separate
@@ -306,9 +306,10 @@ class Evidence:
 
     @property
     def length_told(self) -> str:
-        """One body length with its unit."""
+        """One body length with its unit, and where that is from."""
+        how = {"blobs": "estimated from the detected bodies"}.get(self.length_source, self.length_source)
         unit = {"px": "pixels", "m": "m", "bl": "body lengths"}[self.length_unit]
-        return f"{self.clip_body_px:.1f} {unit}" if self.length_unit == "px" else f"{self.clip_body_px:.3g} {unit}"
+        return f"{self.clip_body_px:{'.1f' if self.length_unit == 'px' else '.3g'}} {unit} ({how})"
 
     @property
     def still(self) -> bool:

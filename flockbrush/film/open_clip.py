@@ -83,6 +83,7 @@ def _look_at_tracks(path, how):
     evidence = evidence_of_tracks(tracks, length, how.grid, arena)
     if tracks.unit == "m" and how.body_length_m is None:
         evidence.notes.append("one body length is assumed to be 1 m (set --body-length-m)")
+        evidence = replace(evidence, length_source="assumed")
     return evidence
 
 

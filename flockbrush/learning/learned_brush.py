@@ -171,8 +171,7 @@ def _sentences(learned, evidences):
                          for key, value in learned.extras.items())  # fmt: skip
         yield f"Also set from the clip: {told}."
     clip = evidences[0]
-    how = "given" if clip.length_source == "given" else "estimated from the detected bodies"
-    yield f"One body length is {clip.length_told} ({how}); {clip.fps:g} frames per second."
+    yield f"One body length is {clip.length_told}; {clip.fps:g} frames per second."
     if clip.sightings is None and not clip.still:
         yield "Single animals could not be separated: learned from density and flow only."
     for other in evidences[1:]:

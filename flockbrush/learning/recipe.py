@@ -475,7 +475,7 @@ class _Search:
             )
         if any(len(c.fields) < FEWEST for c in self.given.clips):
             notes.append(
-                f"with fewer than {FEWEST} frames, none could be held out: the score is for the frames learned from"
+                f"with fewer than {FEWEST} frames to learn from, none of them was held back for the choice of the start"
             )
         return notes
 

@@ -364,13 +364,12 @@ def _seen(page, findings):
     page.head("Observations")
     for clip in findings.clips:
         f = clip.fields
-        how = "given" if clip.length_source == "given" else "estimated from the detected bodies"
         facts = [
             ("clip", Path(clip.name).name),
             ("SHA-256", clip.sha256),
             ("frames", f"{f.frames[0]} to {f.frames[-1]} at {clip.fps:g} per second"),
             ("animals in the picture", f"{np.median(f.count):.0f} ({f.count.min():.0f} to {f.count.max():.0f})"),
-            ("one body length", f"{clip.length_told}, {how}"),
+            ("one body length", clip.length_told),
             ("half body width", f"{clip.radius_bl:.2f} body lengths"),
             ("grid", f"{f.shape[1]} x {f.shape[0]} cells of {f.cell:.2g} body lengths"),
             ("single animals", _single(clip)),

@@ -87,7 +87,8 @@ class CurveChart(NamedTuple):
         else:
             axes.set_xlabel(self.across)
             own = np.unique(np.concatenate([np.asarray(curve.x, float) for curve in self.curves]))
-            if any(curve.marker for curve in self.curves) and len(own) <= 8:
+            chosen = len(own) <= 8 and all(float(f"{x:.3g}") == x for x in own)  # by a person, not measured
+            if chosen and any(curve.marker for curve in self.curves):
                 other.set_ticks(own, [f"{x:g}" for x in own])
         self._scale(axes, measured)
 

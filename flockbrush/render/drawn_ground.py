@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flockbrush.levels.geometry import inner_point
 from flockbrush.render.brush_marks import cover as pattern_cover
 from flockbrush.render.brush_marks import ink_of, pattern_of
 from flockbrush.render.canvas import Canvas, circle, dashes, smooth
@@ -274,12 +275,17 @@ class Sketcher(TerrainSketch):
 
     def _goals(self):
         for goal in self.of("goals"):
-            centre, colour = self.camera.pixels(goal.xy), self.theme.goal
-            polygon = getattr(goal, "polygon", None)
-            border = circle(centre, goal.radius * self.camera.scale) if polygon is None else self.outline(goal)
+            centre, colour = self._spot(goal), self.theme.goal
+            area = getattr(goal, "polygon", None) is not None
+            border = self.outline(goal) if area else circle(centre, goal.radius * self.camera.scale)
             self.canvas.area(border, colour, 0.10)
             self.canvas.line(border, 1.8 * self.unit, colour, 0.9, closed=True)
             self._flag(centre, colour)
+
+    def _spot(self, goal):
+        """The pixel of a goal's flag: in its area, also if that is a ring."""
+        polygon = getattr(goal, "polygon", None)
+        return self.camera.pixels(goal.xy if polygon is None else inner_point(polygon))
 
     def _flag(self, foot, colour):
         u = self.unit
@@ -302,12 +308,16 @@ class Sketcher(TerrainSketch):
         """(text, where in pixels, colour) of everything that has a name, in the order in which they get their room."""
         theme = self.theme
         for goal in self.of("goals"):
-            yield goal.name, self.camera.pixels(goal.xy) + (0, 13 * self.unit), theme.goal
+            yield goal.name, self._spot(goal) + (0, 13 * self.unit), theme.goal
         for exit_ in self.of("exits"):
             yield exit_.name or "exit", self.outline(exit_).mean(axis=0), theme.exit
-        for kind in ("lines", "areas"):
-            for thing in self.of(kind):
-                yield thing.name, self.outline(thing).mean(axis=0), theme.muted
+        for line in self.of("lines"):
+            points = self.outline(line)
+            wide, high = np.ptp(points, axis=0)
+            below = 12 * self.unit if wide > high else 0.0  # a short one would be hidden
+            yield line.name, points.mean(axis=0) + (0, below), theme.muted
+        for area in self.of("areas"):
+            yield area.name, self.outline(area).mean(axis=0), theme.muted
         for name, fmt in (("cap", "max {:g} m/s"), ("factor", "speed x {:g}")):
             raster = getattr(self.level, name, None)
             if raster is not None:

@@ -227,9 +227,14 @@ def _count(canvas, at, height, theme):
     canvas.line([at, at + (1.15 * height, 0)], 0.12 * height, theme.muted, dash=(0.42 * height, 0.2 * height))
 
 
+def _area(canvas, at, height, theme):
+    canvas.area(_box(at, height), theme.muted, 0.07)
+    canvas.line(_box(at, height), 0.08 * height, theme.muted, 0.7, closed=True)
+
+
 GLYPHS = {
     "guide": _guide, "goal": _goal, "exit": _exit, "start": _spawn, "obstacle": _obstacle, "speed limit": _speed,
-    "counting line": _count,
+    "counting line": _count, "measured area": _area,
 }  # fmt: skip
 
 
@@ -237,7 +242,7 @@ def things_of(level) -> list[str]:
     """Which kinds of `GLYPHS` a level has."""
     has = {
         "guide": "guides", "goal": "goals", "exit": "exits", "start": "spawns", "obstacle": "obstacles",
-        "counting line": "lines",
+        "counting line": "lines", "measured area": "areas",
     }  # fmt: skip
     kinds = [kind for kind in GLYPHS if kind in has and getattr(level, has[kind], None)]
     zones = getattr(level, "zones", None) or []

@@ -132,6 +132,16 @@ def test_matplotlib_is_imported_only_to_draw(monkeypatch):
         figure_of([WITH_GAP])
 
 
+@pytest.mark.parametrize(("x", "own"), [((0.5, 1.0, 5.0), True), ((0.120692, 0.145771, 0.539296), False)])
+def test_chosen_values_are_ticks_and_measured_ones_are_not(x, own):
+    import matplotlib.pyplot as plt
+
+    _, axes = plt.subplots()
+    CurveChart("speed, m/s", "noise", [ChartCurve("", np.array(x), np.ones(3), marker="o")]).draw(axes, THEMES["light"])
+    assert (list(axes.get_xticks()) == list(x)) == own
+    plt.close()
+
+
 def test_what_hardly_changes_is_drawn_from_zero():
     import matplotlib.pyplot as plt
 

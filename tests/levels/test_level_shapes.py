@@ -4,8 +4,20 @@ import math
 
 import numpy as np
 import pytest
-from flockbrush.levels.geometry import signed_area
+from flockbrush.levels.geometry import centroid, inner_point, inside, signed_area
 from small_level import GRASS, WALL, herd, level, objects, polygon, polyline, problem, read, thing, tiles, with_objects
+
+
+def test_a_sign_stands_in_the_middle_of_an_area_or_in_the_ring():
+    field = np.array([[0, 0], [4, 0], [4, 2], [0, 2]], float)
+    outer, hole = (
+        np.array([[0, 0], [10, 0], [10, 10], [0, 10], [0, 0]]),
+        np.array([[3, 3], [3, 7], [7, 7], [7, 3], [3, 3]]),
+    )
+    ring = np.vstack([outer, hole]).astype(float)
+    assert inner_point(field) == pytest.approx([2, 1]) and not inside(centroid(ring)[None], ring)[0]
+    at = inner_point(ring)
+    assert inside(at[None], ring)[0] and 1.0 < min(*at, *(10 - at)) < 2.0
 
 
 class TestShapes:
