@@ -59,15 +59,26 @@ class SpaceMarks(NamedTuple):
         right, up, ahead = self.camera.axes
         tips = np.stack([right, -up], axis=1) * long
         inks = (theme.predator, theme.exit, theme.link)
-        for k in np.argsort(-ahead, kind="stable"):
-            tip = middle + tips[k]
-            canvas.line([middle, tip], 2.2 * unit, inks[k], 0.95)
+        order = np.argsort(-ahead, kind="stable")
+        for k in order:
+            canvas.line([middle, middle + tips[k]], 2.2 * unit, inks[k], 0.95)
+        for k in order:
             word = middle + tips[k] * 1.42
+            if _hidden(tips, k):
+                canvas.disc(middle + tips[k], 3.0 * unit, inks[k])
+                word = middle + tips[k] - (12.0 * unit, 0.0)
             height = max(10, round(12 * unit))
             canvas.words(("E", "N", "up")[k], word, height, theme.ink, anchor=(0.5, 0.5), halo=theme.paper)
         text = f"grid {_metres(spacing)}"
         at = (self.view[2] - 52 * unit, self.view[1] + 106.0 * unit)
         canvas.words(text, at, max(10, round(12 * unit)), theme.ink, anchor=(0.5, 1), halo=theme.paper)
+
+
+def _hidden(tips, k):
+    """Whether an axis of the compass points the same way as a longer one."""
+    long = np.hypot(*tips.T)
+    along = tips @ tips[k] > 0.94 * long * long[k]
+    return bool((along & (long > long[k])).any())
 
 
 def _metres(value):
