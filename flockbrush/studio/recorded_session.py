@@ -22,6 +22,7 @@ from flockbrush.studio.timeline import KEYFRAME_BYTES, Timeline, WentWrong
 SUFFIX = ".flock"
 FOLDER = "recorded"  # in the folder of the session
 MAIN = "main"  # the branch that is the recording
+NAMED = 3  # of the changes that a level cannot hold
 
 
 class RecordedSession(Session):
@@ -39,7 +40,7 @@ class RecordedSession(Session):
 
     @classmethod
     def recover(cls, left, state_folder=None):
-        """As `Session.recover`; the level is unpacked again.  OSError when there is no place for it."""
+        """As `Session.recover`; the level is unpacked again.  ProblemsError when there is no place for it."""
         session = super().recover(left, state_folder)
         session.lent = True
         session.unpacked = tuple(file for file in (session._recovery.folder / FOLDER).rglob("*") if file.is_file())
@@ -57,14 +58,16 @@ class RecordedSession(Session):
 
     def take_into_level(self, done):
         """Do to the level's document what was done in the recorded run: (tick, command) each."""
-        left_out: dict[str, None] = {}
+        left_out = []
         for tick, cmd in done:
             try:
                 self.editor.recorded([cmd], tick)
-            except EditError as error:
-                left_out[f"{type(cmd).__name__} at {tick * self.clock.dt:g} s ({error})"] = None
+            except (EditError, LookupError) as error:
+                left_out.append(f"{type(cmd).__name__} at {tick * self.clock.dt:g} s ({error})")
         if left_out:
-            self._say("warning", f"a saved level will lack what it cannot hold of this run: {', '.join(left_out)}")
+            more = f", and {len(left_out) - NAMED} more" if len(left_out) > NAMED else ""
+            text = f"a saved level will lack what it cannot hold of this run: {', '.join(left_out[:NAMED])}{more}"
+            self._say("warning", text)
 
     def view(self):
         """As `Session.view`, with the edits of the recording."""

@@ -8,11 +8,13 @@ from flockbrush.engine.state import state_hash
 from flockbrush.systems.edits import RemoveThing
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.obstacle_commands import AddObstacle
+from flockbrush.systems.paint_commands import PaintBrush
 from small_pasture import pasture, stroke, verified
 from typer.testing import CliRunner
 from window import Window
 
 from flockbrush.cli.main import app as cli
+from flockbrush.runs.run import record, start
 from flockbrush.studio.app import App
 from flockbrush.studio.recorded_session import open_recorded, recovered, unpacked
 from flockbrush.studio.session import Session
@@ -155,6 +157,23 @@ def test_a_level_as_it_was_earlier_lacks_what_was_built_later(worked_on):
 
 def test_what_the_script_of_a_level_does_is_no_change_of_the_level(session):
     assert session.timeline.current.commands and session.timeline.current.done_by_hand() == []
+
+
+def test_what_a_level_cannot_hold_of_a_recorded_run_is_said(tmp_path):
+    simulation = start(pasture(tmp_path))
+    for tick in range(4):
+        simulation.submit(PaintBrush("swarm", 6.0 + tick, 8.0, 2.0), tick)
+    recorder = record(tmp_path / "script.flock", simulation)
+    for _ in range(8):
+        simulation.tick()
+        recorder.take()
+    recorder.close()
+    simulation.close()
+    session = open_recorded(tmp_path / "script.flock", tmp_path / "state")
+    warnings = [notice.text for notice in session.notices() if notice.kind == "warning"]
+    session.close()
+    assert len(warnings) == 1 and "a saved level will lack" in warnings[0]
+    assert warnings[0].count("PaintBrush at") == 3 and warnings[0].endswith("and 1 more")
 
 
 def test_new_objects_of_a_run_whose_level_cannot_be_edited_get_ids_of_their_own(tmp_path):
