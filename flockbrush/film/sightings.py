@@ -38,6 +38,7 @@ UNSURE = 2.5  # times as noisy as usual: at the ends of tracks no turning is tol
 SMALL = 0.75  # of the usual area
 WALKED, SURE_WAY = 0.3, 8.0  # BL, and times the noise of a place: so far gone, the way tells how a body lies
 ACROSS = 0.8  # cosine of the angle between body and way: below, the axis seen is not the body's
+PUSHED, BESIDE = 6, 0.87  # times as long, and cosine: along that way lies who was pushed aside by others for a moment
 TOUCHES = 0.5  # weight of the axis of a body that touches others
 AROUND, PARALLEL = 5, 0.8  # bodies that touch no other, and how alike they lie, to tell how those beside them lie
 STILL = 0.25  # BL: an animal that moved less in all has a head at one end or the other
@@ -277,17 +278,23 @@ def _along_the_way(frame, at, along, begin, half, noise):
     """Axes, replaced by the direction of motion where a fast animal seems to lie across it.
 
     A fast animal moves along its body. An axis across the motion comes from two bodies that touch, or from a round
-    body. Also returns where they were replaced (bool).
+    body. Who was pushed aside for a moment lies along the way it goes in the long run. Also returns where they were
+    replaced (bool).
     """
-    track = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-    row = np.arange(len(frame))
+    way, distance, seen = _way(frame, at, begin, half)
+    fast = (distance > WALKED) & (distance > SURE_WAY * noise) & (seen <= 2 * half)
+    in_the_long_run = _way(frame, at, begin, PUSHED * half)[0]
+    aside = fast & (np.abs((way * along).sum(1)) < ACROSS) & (np.abs((in_the_long_run * along).sum(1)) < BESIDE)
+    return np.where(aside[:, None], way, along), aside
+
+
+def _way(frame, at, begin, half):
+    """Direction (k, 2), length (k,) and frames of the way from `half` rows before each row to `half` rows after it."""
+    track, row = np.repeat(np.arange(len(begin) - 1), np.diff(begin)), np.arange(len(frame))
     low, high = np.maximum(row - half, begin[:-1][track]), np.minimum(row + half, begin[1:][track] - 1)
     way = at[high] - at[low]
     distance = np.hypot(*way.T)
-    way = way / np.maximum(distance, 1e-12)[:, None]
-    fast = (distance > WALKED) & (distance > SURE_WAY * noise) & (frame[high] - frame[low] <= 2 * half)
-    aside = fast & (np.abs((way * along).sum(1)) < ACROSS)
-    return np.where(aside[:, None], way, along), aside
+    return way / np.maximum(distance, 1e-12)[:, None], distance, frame[high] - frame[low]
 
 
 @njit(cache=True, nogil=True)

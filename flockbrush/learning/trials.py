@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 
@@ -108,6 +109,8 @@ class SearchSettings:
 class Setting:
     """What all tasks are given: the clips, and what follows from them directly."""
 
+    wander_times: ClassVar[np.ndarray] = WANDER_TIMES  # s for which random turns may go on
+    wander_dt: ClassVar[float] = COARSE_DT  # s to a tick of the herds by which they are found
     clips: tuple  # of Evidence, all frames
     seen: tuple  # of Evidence, without what is held back
     held: tuple  # of Evidence, what is held back
@@ -125,8 +128,7 @@ class Setting:
         back = tuple(c.part(slice(k, None)) if k else c for c, k in zip(clips, cut, strict=True))
         speed = speed_of(list(clips)) if settings.speed is None else settings.speed
         body = body_of(list(clips)) if settings.body is None else settings.body
-        use, beta = frozenset(settings.use), float(settings.beta)
-        return cls(tuple(clips), seen, back, speed, body, use, beta, settings.device)
+        return cls(tuple(clips), seen, back, speed, body, frozenset(settings.use), settings.beta, settings.device)
 
     def vision(self, extras):
         """What animals see, as far as they respond to it."""
@@ -174,12 +176,8 @@ def _descend_on_turns(given, theta, extras, rows, span):
         return None
     some = thinned(turns, rows)
     fit = fit_turns(some, theta, params, free=free, tolerance=1e-5)
-    return {
-        "theta": theta_seen(fit, some, free).tolist(),
-        "extras": extras,
-        "loss": fit.loss.tolist(),
-        "by_turns": True,
-    }
+    theta = theta_seen(fit, some, free).tolist()
+    return {"theta": theta, "extras": extras, "loss": fit.loss.tolist(), "by_turns": True}
 
 
 def wandering(given: Setting, theta, extras, seed):
@@ -196,13 +194,13 @@ def chance_found(given: Setting, theta, extras, seed) -> dict[str, float]:
     the square of wander, and with the span over which they are looked at as random turns last
     (`flockbrush.behaviours.wander.lasting`).
     """
-    parts, time = [_beginning(clip) for clip in given.seen], float(WANDER_TIMES[0])
+    parts, time = [_beginning(clip) for clip in given.seen], float(given.wander_times[0])
 
     def variances(wander, time):
         """(2 spans, 2): of the clips, and of a herd that wanders so much."""
         brush, found = given.brush(theta, extras | {"wander": wander, "wander_time": time}), []
         for k, clip in enumerate(parts):
-            run = simulate(clip, brush.params, brush.speed, given.body, brush.vision, [seed, k, 3], dt=COARSE_DT)
+            run = simulate(clip, brush.params, brush.speed, given.body, brush.vision, [seed, k, 3], dt=given.wander_dt)
             found.append([scatters(clip, brush, run, _turns_seen(clip, brush, span), span) for span in TURN_SPANS])
         known = [pairs for pairs in found if None not in pairs]
         return np.mean(np.square(known), axis=0) if known else np.zeros((2, 2))
@@ -212,11 +210,11 @@ def chance_found(given: Setting, theta, extras, seed) -> dict[str, float]:
     if not left[0] > 0.0:
         return {"wander": 0.0, "wander_time": time}
     wander = min(float(np.sqrt(left[0] / TURN_SPANS[0])), MOST_WANDER)
-    shares = np.array([lasting(TURN_SPANS, time) for time in WANDER_TIMES])
+    shares = np.array([lasting(TURN_SPANS, time) for time in given.wander_times])
     for _ in range(CLOSER):  # forces act against turns that last longer by more
         more = left / np.maximum(variances(wander, time)[:, 1] - still, 1e-9)
         now = lasting(TURN_SPANS, time)
-        time = float(np.interp(more[1] / more[0] * now[1] / now[0], shares[:, 1] / shares[:, 0], WANDER_TIMES))
+        time = float(np.interp(more[1] / more[0] * now[1] / now[0], shares[:, 1] / shares[:, 0], given.wander_times))
         wander = min(float(wander * np.sqrt(more[0] * now[0] / lasting(TURN_SPANS[0], time))), MOST_WANDER)
     return {"wander": wander, "wander_time": time}
 
@@ -237,7 +235,7 @@ def answer_step(given: Setting, theta, extras, seed) -> np.ndarray | None:
     brush, steps = given.brush(theta, extras), []
     for k, clip in enumerate(_beginning(clip) for clip in given.seen):
         how = clip, brush.params, brush.speed, given.body, brush.vision
-        runs = [simulate(*how, [seed, k, 4 + run], dt=COARSE_DT) for run in range(ANSWERS)]
+        runs = [simulate(*how, [seed, k, 4 + run], dt=given.wander_dt) for run in range(ANSWERS)]
         steps.append(correction(clip, brush, runs, _turns_seen(clip, brush)))
     known = [step for step in steps if step is not None]
     return np.mean(known, axis=0) if known else None

@@ -258,6 +258,9 @@ def test_the_sentence_names_what_is_told_apart_and_what_is_not():
 def test_simulations_refine_a_fit_to_next_steps(monkeypatch):
     """Animals whose tracks are smoothed seem to turn more slowly than they may."""
     clip, found = evidence_of(tracks("zones")[:64, :16]), []
+    vision, params = likeliest(likelihoods()["zones"], TurnBlocks([clip]), 0)
+    slow = params.model_copy(update={"max_turn": 0.5 * params.max_turn})
+    monkeypatch.setattr(model_fit, "likeliest", lambda *_: (vision, slow))
     for generations in (0, 3):
         _search_little(monkeypatch, generations)
         found.append(learned_model([clip], "zones"))

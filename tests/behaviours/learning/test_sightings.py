@@ -135,6 +135,20 @@ def test_an_axis_that_is_another_animals_turns_nobody():
     assert np.abs(off_by(sightings.forward, angle[0])).max() < 8
 
 
+@pytest.mark.parametrize("across", [False, True], ids=["pushed aside", "axis across"])
+def test_who_is_pushed_aside_lies_as_its_body_and_who_seems_to_lie_across_its_way_along_the_way(across):
+    """A push of .6 BL in four frames is a way at 60 degrees to the body; so is that of bodies seen across it."""
+    push = np.zeros(40) if across else np.clip(np.arange(40) - 18, 0, 4) * 0.15
+    seen = np.full(40, 1.1 if across else 0.0)
+    start = 10 + 3.0 * np.column_stack([np.arange(9) % 3, np.arange(9) // 3])
+    places = [start + [0.08 * t, aside] for t, aside in enumerate(push)]
+    rng = np.random.default_rng(1)
+    frames = [bodies(xy, np.full(9, a), noise=0.002, turned=0.01, rng=rng) for xy, a in zip(places, seen, strict=True)]
+    sightings, _ = sightings_of(frames, 25, TO_BL)
+    middle = slice(sightings.first[5], sightings.first[35])  # at its end, a way is too short to tell
+    assert len(np.unique(sightings.track)) == 9 and np.abs(off_by(sightings.forward[middle], 0.0)).max() < 6
+
+
 def test_animals_that_stand_lie_as_they_lie_and_their_heads_are_unsure():
     frames, angle = walk(speed=0.0, turn=0.0, noise=0.01)
     sightings, noise = sightings_of(frames, 25, TO_BL)
