@@ -139,7 +139,7 @@ def test_the_command_learns_from_a_table_with_gaps(tracks, hasty_learning, tmp_p
     brush = flockbrush.load_brush(out)
     assert brush.body.length == 1.1 and brush.provenance.licence == "made up" and brush.provenance.clip == "march.csv"
     page = (report / "report.html").read_text()
-    assert "1.1 m, given" in page and "confounded with" in page and "smoothed over" in page
+    assert "1.1 m (given)" in page and "confounded with" in page and "smoothed over" in page
     assert (report / "moment-1.png").stat().st_size > 0
 
 
