@@ -108,12 +108,26 @@ def inner_point(polygon):
     middle = centroid(polygon)
     if inside(middle[None], polygon)[0]:
         return middle
-    points, a = sample(polygon), polygon
-    edge = np.roll(a, -1, axis=0) - a
-    from_start = points[:, None] - a
-    share = np.clip((from_start * edge).sum(-1) / np.maximum((edge**2).sum(-1), 1e-12), 0.0, 1.0)
-    far = np.hypot(*np.moveaxis(from_start - share[..., None] * edge, -1, 0)).min(1)
-    return points[far.argmax()]
+    points = sample(polygon)
+    return points[distance_to_line(points, polygon, loop=True)[0].argmax()]
+
+
+def sign_of(goal):
+    """Where the flag of a goal stands, (2,) m: at its place, or in its area."""
+    polygon = getattr(goal, "polygon", None)
+    return np.asarray(goal.xy if polygon is None else inner_point(polygon))
+
+
+def distance_to_line(xy, points, loop=False):
+    """(distances m, indices of the nearest segments) from points (..., 2) to a line through points (k, 2)."""
+    points = np.asarray(points, float)
+    if loop:
+        points = np.vstack([points, points[:1]])
+    a, d = points[:-1], np.diff(points, axis=0)
+    from_start = np.asarray(xy, float)[..., None, :] - a
+    along = np.clip((from_start * d).sum(-1) / np.maximum((d**2).sum(-1), 1e-12), 0, 1)
+    away = np.hypot(*np.moveaxis(from_start - along[..., None] * d, -1, 0))
+    return away.min(-1), away.argmin(-1)
 
 
 def crossing(polygon):

@@ -38,15 +38,15 @@ STEP, WIDE_STEP = 0.1, 0.2  # of ranges, from a fit and from defaults: standard 
 PATIENCE = 3  # generations, after which a hopeless search ends
 SEEDS, LAST_SEEDS = 2, 3  # runs of a candidate, and of those that are chosen from
 LONG = 10.0  # s, about: a trial beyond the clip
-WANDER_TIMES = np.geomspace(1 / 64, 2.0, 57)  # s; the shortest are turns of one tick, as in most models
-CHANCE = {"wander": (0.02, 2.5), "wander_time": (float(WANDER_TIMES[0]), float(WANDER_TIMES[-1]))}  # rad/√s, s
+TURN_TIMES = np.geomspace(1 / 64, 2.0, 57)  # s; the shortest are turns of one tick, as in most models
+CHANCE = {"wander": (0.02, 2.5), "wander_time": (float(TURN_TIMES[0]), float(TURN_TIMES[-1]))}  # rad/√s, s
 
 
 @dataclass(frozen=True)
 class ModelSetting(Setting):
     """What trials of another model are given."""
 
-    wander_times: ClassVar[np.ndarray] = WANDER_TIMES
+    wander_times: ClassVar[np.ndarray] = TURN_TIMES
     wander_dt: ClassVar[float] = DT  # in coarse ticks, turns of one tick show less than in those of a level
 
     view: VisionSpec = VisionSpec()  # noqa: RUF009  frozen

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.levels.geometry import inner_point
+from flockbrush.levels.geometry import sign_of
 from flockbrush.render.brush_marks import cover as pattern_cover
 from flockbrush.render.brush_marks import ink_of, pattern_of
 from flockbrush.render.canvas import Canvas, circle, dashes, smooth
@@ -283,9 +283,8 @@ class Sketcher(TerrainSketch):
             self._flag(centre, colour)
 
     def _spot(self, goal):
-        """The pixel of a goal's flag: in its area, also if that is a ring."""
-        polygon = getattr(goal, "polygon", None)
-        return self.camera.pixels(goal.xy if polygon is None else inner_point(polygon))
+        """The pixel of a goal's flag."""
+        return self.camera.pixels(sign_of(goal))
 
     def _flag(self, foot, colour):
         u = self.unit

@@ -74,28 +74,6 @@ def box(a, b) -> np.ndarray:
     return np.array([[west, south], [east, south], [east, north], [west, north]])
 
 
-def distance_to_line(xy, points, loop=False):
-    """(distance m, index of the segment) from a point to a line through points (k, 2)."""
-    points = np.asarray(points, float)
-    if loop:
-        points = np.vstack([points, points[:1]])
-    a, d = points[:-1], np.diff(points, axis=0)
-    along = np.clip(((xy - a) * d).sum(1) / np.maximum((d**2).sum(1), 1e-12), 0, 1)
-    away = np.hypot(*(a + along[:, None] * d - xy).T)
-    nearest = int(np.argmin(away))
-    return float(away[nearest]), nearest
-
-
-def is_inside(xy, polygon) -> bool:
-    """Whether a point is in a polygon (k, 2)."""
-    x, y = np.asarray(polygon, float).T
-    x2, y2 = np.roll(x, -1), np.roll(y, -1)
-    crosses = (y > xy[1]) != (y2 > xy[1])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = x + (xy[1] - y) / (y2 - y) * (x2 - x)
-    return bool((crosses & (xy[0] < at)).sum() % 2)
-
-
 def rows(points) -> list:
     """Points as commands want them: [[x, y], ...], to the millimetre."""
     return [[round(float(x), 3), round(float(y), 3)] for x, y in np.asarray(points, float)]

@@ -6,12 +6,14 @@ from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.program import shipped_programs
 from flockbrush.components.agent import Alarm, Species
+from flockbrush.levels.geometry import sign_of
 from flockbrush.levels.reader import read_level
-from flockbrush.systems.edits import UseBrush
+from flockbrush.systems.edits import PlaceGoal, UseBrush
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.program_commands import GiveProgram, UseProgram
 
 from flockbrush.studio.tools import TOOLS
+from flockbrush.studio.tools.world_tools import outline, touches
 
 
 @pytest.fixture(autouse=True)
@@ -392,6 +394,19 @@ def test_a_goal_is_moved_with_the_select_tool(window):
     window.key("v")
     window.drag((10, 3), (12, 4))
     assert np.allclose(goals(window)["goal 1"].xy, (12, 4), atol=0.2)
+
+
+def test_a_goal_that_lies_around_a_place_is_held_by_its_flag_and_edge_and_not_in_the_middle(window):
+    ring = [[4, 3], [20, 3], [20, 13], [4, 13], [4, 9], [6, 9], [6, 11], [18, 11], [18, 5], [6, 5], [6, 7], [4, 7]]
+    assert window.session.do("ring", [PlaceGoal(window.session.editor.new_id(), "ring", 12.0, 8.0, points=ring)])
+    goal = goals(window)["ring"]
+    assert touches("goal", goal, sign_of(goal), 0.1) and touches("goal", goal, np.array([20.0, 8.0]), 0.1)
+    assert not touches("goal", goal, np.array([12.0, 8.0]), 0.1)
+    assert np.array_equal(outline("goal", goal)[0], ring)
+    at = sign_of(goal)
+    window.key("v")
+    window.drag(tuple(at), tuple(at + [1.0, 0.5]))
+    assert np.allclose(goals(window)["ring"].polygon, np.array(ring) + [1.0, 0.5], atol=0.2)
 
 
 # all of them -----------------------------------------------------------------------------

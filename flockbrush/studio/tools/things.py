@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pygame
 
-from flockbrush.studio.outlines import box, distance_to_line, rows, swath, thinned
+from flockbrush.levels.geometry import distance_to_line
+from flockbrush.studio.outlines import box, rows, swath, thinned
 from flockbrush.studio.tools.tool import Tool
 from flockbrush.studio.tools.world_tools import free_name, moved, outline, things
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from flockbrush.studio.outlines import distance_to_line, is_inside, rows
+from flockbrush.levels.geometry import distance_to_line, inside, sign_of
+from flockbrush.studio.outlines import rows
 
 KINDS = ("goal", "guide", "obstacle", "exit", "spawn", "line", "zone", "area", "key")  # of things one can take hold of
 SPOKEN = {  # where it is not the kind itself
@@ -39,13 +40,17 @@ def things(simulation) -> list[tuple[str, object]]:
 def touches(kind, thing, xy, reach) -> bool:
     """Whether a point of the ground lies on a thing, or not farther from it than so many metres."""
     if kind in ("guide", "line"):
-        return distance_to_line(xy, thing.points, getattr(thing, "loop", False))[0] <= reach
+        return bool(distance_to_line(xy, thing.points, getattr(thing, "loop", False))[0] <= reach)
     if kind in ("goal", "key"):
-        return bool(np.hypot(*(np.asarray(thing.xy) - xy)) <= max(reach, 0.25 * getattr(thing, "radius", 0.0)))
+        near = bool(np.hypot(*(sign_of(thing) - xy)) <= max(reach, 0.25 * getattr(thing, "radius", 0.0)))
+        if near or getattr(thing, "polygon", None) is None:
+            return near
     edge = distance_to_line(xy, thing.polygon, True)[0] <= reach
     if kind == "obstacle":
-        return edge or is_inside(xy, thing.polygon)
-    return edge  # an exit, a zone, an area to spawn or to measure is a large place where other things may be meant
+        return bool(edge or inside([xy], thing.polygon)[0])
+    return bool(
+        edge
+    )  # an exit, a zone, an area to spawn or to measure is a large place where other things may be meant
 
 
 def things_at(simulation, places, reach, kinds) -> list[tuple[str, object]]:
@@ -60,7 +65,7 @@ def things_at(simulation, places, reach, kinds) -> list[tuple[str, object]]:
 def area_around(simulation, xy, kinds):
     """(kind, object) of the smallest area that a point of the ground lies in, or None."""
     areas = [(kind, thing) for kind, thing in things(simulation) if kind in kinds and hasattr(thing, "polygon")]
-    around = [(kind, thing) for kind, thing in areas if is_inside(xy, thing.polygon)]
+    around = [(kind, thing) for kind, thing in areas if inside([xy], thing.polygon)[0]]
     return min(around, key=lambda one: float(np.prod(np.ptp(np.asarray(one[1].polygon), axis=0))), default=None)
 
 
@@ -80,7 +85,7 @@ def outline(kind, thing):
     """Points (k, 2) m around a thing, and whether they close."""
     if kind in ("guide", "line"):
         return np.asarray(thing.points), bool(getattr(thing, "loop", False))
-    if kind in ("goal", "key"):
+    if kind in ("goal", "key") and getattr(thing, "polygon", None) is None:
         radius = max(getattr(thing, "radius", 0.5), 0.1)
         turn = np.linspace(0, 2 * np.pi, 32, endpoint=False)
         return np.asarray(thing.xy) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1), True
