@@ -305,6 +305,11 @@ class Evidence:
         return self.camera is None and self.picture is not None and not self.still
 
     @property
+    def radius_seen(self) -> float | None:
+        """Half the width of a body, BL, as pictures show it; None of tracks, which do not."""
+        return None if self.from_tracks else self.radius_bl
+
+    @property
     def length_told(self) -> str:
         """One body length with its unit, and where that is from."""
         how = {"blobs": "estimated from the detected bodies"}.get(self.length_source, self.length_source)
@@ -336,9 +341,8 @@ class Evidence:
         sightings = self.sightings.part(chosen) if self.sightings is not None else None
         speed = None
         if self.speed and len(fields_part) > 1:
-            speed = speed_evidence(
-                fields_part, sightings, self.speed.body_pixels, self.speed.smoothed, self.speed.errors
-            )
+            known = self.speed.body_pixels, self.speed.smoothed, self.speed.errors
+            speed = speed_evidence(fields_part, sightings, *known, self.radius_seen)
         camera = self.camera[chosen] if self.camera is not None else None
         return replace(
             self, fields=fields_part, sightings=sightings, speed=speed, camera=camera, notes=list(self.notes)

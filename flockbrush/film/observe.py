@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 from flockbrush.engine.files import refused
+from flockbrush.film.body_gaps import radius_of_touching
 from flockbrush.film.body_outlines import BodySize, blobs_left, bodies_of, sizes_alone
 from flockbrush.film.body_shapes import Outlines, gone_on
 from flockbrush.film.camera_maps import Steady, after, back, zoom_of
@@ -170,15 +171,16 @@ class Watch:
         sightings, noise = taken.sightings()
         smoothed = 2 * noise.half + 1 / clip.fps if np.isfinite(noise.half) else SMOOTHED
         errors = noise.speed_errors(clip.fps)
-        speed = None if clip.still else speed_evidence(fields, sightings, self.size.area, smoothed, errors)
+        radius = max(0.5 * self.size.width - self.margin, 0.0) / self.size.length
+        radius = radius if sightings is None else radius_of_touching(sightings, radius)
+        speed = None if clip.still else speed_evidence(fields, sightings, self.size.area, smoothed, errors, radius)
         way = math.inf if speed is None else speed.mean * float(clip.times[-1] - clip.times[0])
         doubt = _doubt(way)
         warnings = [f"unreliable: {doubt}"] if doubt else []
         return Evidence(
             name=clip.name, sha256=clip.sha256, fps=clip.fps, body_length_px=self.length,
             length_source="given" if self.given else "blobs",
-            radius_bl=max(0.5 * self.size.width - self.margin, 0.0) / self.size.length,
-            fields=fields, sightings=sightings, speed=speed,
+            radius_bl=radius, fields=fields, sightings=sightings, speed=speed,
             notes=self._notes(taken, way) + speeds_told(sightings, clip.fps) + warnings, doubt=doubt, picture=first,
             to_pixels=self.grid.to_pixels, camera=self._camera(),
             region_colours=self.region_colours, place_noise=float(np.nan_to_num(noise.place)),

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import convolve
 
+from flockbrush.film.body_gaps import with_room
 from flockbrush.film.missing_animals import trust
 from flockbrush.film.pauses import pauses_of
 from flockbrush.film.speed_process import SMOOTHED, speed_process
@@ -79,7 +80,9 @@ class SpeedEvidence:
         return SpeedEvidence(**arrays, errors=errors, by_density=[(float(a), float(b)) for a, b in table])
 
 
-def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED, errors=()) -> SpeedEvidence | None:
+def speed_evidence(
+    fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED, errors=(), radius=None
+) -> SpeedEvidence | None:
     """The speeds of a clip from its fields, and from single animals where there are some.
 
     Parameters
@@ -90,6 +93,8 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED, e
         s over which the speeds of the sightings are averages.
     errors : (k,) array_like
         Covariances of the errors of their speeds (see `flockbrush.film.speed_process`); empty if unknown.
+    radius : float, optional
+        Half the width of a body, BL: speeds of single animals are then of those `with_room`.
 
     Returns
     -------
@@ -107,6 +112,9 @@ def speed_evidence(fields, sightings=None, body_pixels=1.0, smoothed=SMOOTHED, e
     pauses = None if sightings is None else pauses_of(sightings, fields.fps)
     if pauses is not None:
         sightings = replace(sightings, speed=np.where(sightings.speed >= pauses.slow, sightings.speed, np.nan))
+    if sightings is not None and radius is not None:
+        room = with_room(sightings, radius, fields.fps)
+        sightings = replace(sightings, speed=np.where(room, sightings.speed, np.nan))
     single = _of_animals(sightings, fields.fps, smoothed, errors)
     crowd = _crowd_of_fields(fields, occupied) if single is None else _crowd_of_animals(sightings)
     return SpeedEvidence(

@@ -6,16 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
-from scipy.spatial import cKDTree
 
 from flockbrush.behaviours.brush import BodySpec, SpeedSpec
+from flockbrush.film.body_gaps import distances_of_axes
 from flockbrush.film.observations import Evidence
 from flockbrush.film.speeds import joined
 from flockbrush.learning.herd_views import told_apart
 from flockbrush.learning.rollout import DT, OPEN, HerdStart, Surroundings, Walls
 from flockbrush.systems.measures import compute_nnd
 
-TOUCHING = 0.04  # share of animals lying on another as capsules, above which bodies are taken for discs
+TOUCHING = 0.06  # share of animals lying on another as capsules, above which bodies are taken for discs
+LYING = 0.8  # of two radii: axes that are nearer are of animals that lie on one another
 UNEVEN = 0.15  # of the mean: speeds that differ less between crowded and empty places are taken for the same
 LEAST_OWN = 0.2  # of the spread of speeds is the animals' own, whatever crowding explains
 TRIES = 30  # places looked at for each animal
@@ -87,38 +88,16 @@ def own_speed(speed: SpeedSpec, paces, weight) -> SpeedSpec:
     return speed.model_copy(update=changed | {"by_density": ()})
 
 
-def body_of(evidences: list[Evidence], discs: bool = False) -> BodySpec:
-    """Bodies as wide as the clip's; as discs, and smaller ones, if asked or if its animals would lie on one another."""
+def body_of(evidences: list[Evidence]) -> BodySpec:
+    """Bodies as wide as the clip's; as discs, and smaller ones, if its animals would lie on one another."""
     radius = float(np.clip(np.median([e.radius_bl for e in evidences]), 0.05, 0.5))
-    near = [_nearest(e) for e in evidences if told_apart(e)]
-    if not near:
+    apart = [e for e in evidences if told_apart(e)]
+    lying = [np.mean(distances_of_axes(e.sightings, radius) < 2.0 * LYING * radius) for e in apart]
+    if not lying or np.mean(lying) <= TOUCHING:
         return BodySpec(length=1.0, radius=radius)
-    gap, lying = np.concatenate([g for g, _ in near]), np.mean([share for _, share in near])
-    if lying <= TOUCHING and not discs:
-        return BodySpec(length=1.0, radius=radius)
+    gap = np.concatenate([distances_of_axes(e.sightings, 0.5) for e in apart])
     radius = float(np.clip(min(radius, 0.5 * np.quantile(gap, 0.05)), 0.05, 0.5))
     return BodySpec(length=1.0, radius=radius, contact="disc")
-
-
-def _nearest(evidence, every=5):
-    """Distances to the nearest neighbour, and the share of animals whose capsule overlaps another."""
-    seen, gaps, lying = evidence.sightings, [], []
-    half = max(0.5 - evidence.radius_bl, 0.0)
-    for t in range(0, len(seen), every):
-        rows = seen.of(t)
-        xy, forward = seen.xy[rows], seen.forward[rows]
-        if len(xy) < 2:
-            continue
-        far, who = cKDTree(xy).query(xy, k=min(4, len(xy)))
-        gaps.append(far[:, 1])
-        axis = np.array([-half, 0.0, half])
-        mine = xy[:, None] + axis[None, :, None] * forward[:, None]
-        apart = np.full(len(xy), np.inf)
-        for other in who[:, 1:].T:
-            off = mine[:, :, None] - mine[other][:, None]
-            apart = np.minimum(apart, np.hypot(off[..., 0], off[..., 1]).min((1, 2)))
-        lying.append(np.mean(apart < 1.6 * evidence.radius_bl))
-    return np.concatenate(gaps) if gaps else np.zeros(0), float(np.mean(lying)) if lying else 0.0
 
 
 def start_of(evidence: Evidence, t=0, seed=0, body=BodySpec()) -> HerdStart:  # noqa: B008  frozen

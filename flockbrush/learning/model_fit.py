@@ -37,6 +37,7 @@ MOST_WANDER, QUIET = 2.0, 0.02  # rad/√s
 SPAN = 4.0  # times the default up and down, within which a fit by simulation looks
 SEES = VisionSpec(range=8.0)
 RUNS = 2
+CORRECTIONS = 4  # of answers, of which the best is taken
 PACES = 1000  # turns by which the paces are known that a model asks for
 
 
@@ -107,23 +108,35 @@ def learned_model(
     information, spread = _information(slopes, x)
     params, numbers = with_wander(params, wander_of(spread, blocks)), {**told, **kind.untold}
     steps = NextSteps(thinned(slopes.steps.turns, PACES))
-    given = ModelSetting.of_model(clips, params, vision, numbers, not blocks.deflected, steps)
+    given = ModelSetting.of_model(clips, params, vision, numbers, steps)
     turns = max(float(slopes.steps.turns.weight.sum()), 1.0)
     begin, shape = place(given.numbers, params), first_shape(list(given.numbers), information / turns, STEP)
     start, stopped = Attempt(name, seed, begin, begin), False
     try:
         if not quick:
-            begin = place(given.numbers, answering(given, kind, params, seed))
-            begins = [begin, *(place(given.numbers, part) for part in parts)]
-            start = refined(given, begins, name, seed, shape=shape, jobs=jobs, stop=stop, say=say, hopeless=hopeless)
+            begins = [place(given.numbers, one) for one in answering(given, kind, params, seed)]
+            ends = [place(given.numbers, part) for part in parts]
+            how = {"shape": shape, "jobs": jobs, "stop": stop, "say": say, "hopeless": hopeless}
+            start = refined(given, begins, name, seed, parts=ends, **how)
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
     x = start.theta[: len(told)]
     return _as_learned(kind, given, told, x, _information(slopes, x)[0], start, stopped)
 
 
-def answering(given: ModelSetting, kind: Likelihood, params, seed: int):
-    """The parameters, changed so that herds wander and answer to their neighbours as the animals of the clips do."""
+def answering(given: ModelSetting, kind: Likelihood, params, seed: int) -> list:
+    """Parameters by which herds wander and answer to their neighbours as the animals of the clips do, again corrected.
+
+    Each correction is a step of a line through what was found before, and the next one may go too far.
+    """
+    found = []
+    for _ in range(CORRECTIONS):
+        params = _answering(given, kind, params, seed)
+        found.append(params)
+    return found
+
+
+def _answering(given, kind, params, seed):
     if chance_of(params):
         params = params.model_copy(update=chance_found(given, place(given.numbers, params), {}, seed))
     step = answer_step(given, place(given.numbers, params), {}, seed)
@@ -208,8 +221,8 @@ def _simulated_fit(clips, model: Behaviour, seed, parts, how) -> Learned:
     begin = place(given.numbers, given.base)
     start, stopped = Attempt(model.name, seed, begin, begin), False
     try:
-        begins = [begin, *(place(given.numbers, part) for part in parts)]
-        start = refined(given, begins, model.name, seed, step=WIDE_STEP, **how)
+        ends = [place(given.numbers, part) for part in parts]
+        start = refined(given, [begin], model.name, seed, parts=ends, step=WIDE_STEP, **how)
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
     params, x = given.params(start.theta), start.theta[: len(numbers)]

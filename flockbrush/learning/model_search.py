@@ -20,7 +20,7 @@ from flockbrush.behaviours.brush import SpeedSpec, VisionSpec
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.helpers import Helpers
-from flockbrush.learning.initial_conditions import body_of, own_speed
+from flockbrush.learning.initial_conditions import own_speed
 from flockbrush.learning.learned_parameters import Attempt
 from flockbrush.learning.likelihood import read
 from flockbrush.learning.next_step import NextSteps
@@ -55,10 +55,10 @@ class ModelSetting(Setting):
     steps: NextSteps | None = None  # of the clips; None: speeds are the animals' own
 
     @classmethod
-    def of_model(cls, clips: Sequence[Evidence], base, view, numbers, discs=False, steps=None) -> ModelSetting:
-        """Of these clips; bodies may be ``discs``, and a model that wanders is searched for its wander, too."""
+    def of_model(cls, clips: Sequence[Evidence], base, view, numbers, steps=None) -> ModelSetting:
+        """Of these clips; a model that wanders is searched for its wander, too."""
         numbers = dict(numbers) | {name: CHANCE[name] for name in type(base).model_fields if name in CHANCE}
-        given = Setting.of(clips, SearchSettings(body=body_of(list(clips), discs)))
+        given = Setting.of(clips, SearchSettings())
         return cls(**vars(given), view=view, base=base, numbers=numbers, steps=steps)
 
     def params(self, x):
@@ -107,21 +107,22 @@ def first_shape(numbers, information, step) -> np.ndarray:
 
 
 def refined(
-    given: ModelSetting, begins, name: str, seed: int = 0, *, step=STEP, shape=None, jobs: int | Helpers = 1,
+    given: ModelSetting, begins, name: str, seed: int = 0, *, parts=(), step=STEP, shape=None, jobs: int | Helpers = 1,
     stop: Callable[[], bool] | None = None, say: Callable[[int, int, float, str], None] | None = None,
     hopeless: float = math.inf,
 ) -> Attempt:  # fmt: skip
     """The best of where the search begins and what an evolution makes of it, with its score and its staying.
 
-    Where it begins with what came of parts of the frames there was an evolution of each: these are tried, and their
-    mean, without another one.
+    Of parts of the frames there was an evolution each: what came of them is tried, and their mean, without another one.
 
     Parameters
     ----------
     begins : (k, d) array_like
-        Positions from 0 to 1 in the ranges of ``given.numbers``: of a fit to all frames, then those that came of parts.
+        Positions from 0 to 1 in the ranges of ``given.numbers``; the search begins with the best of them.
     name : str
         Of the attempt.
+    parts : (p, d) array_like
+        What came of parts of the frames.
     shape : (d, d) ndarray, optional
         See `first_shape`.
     jobs, stop, say
@@ -134,9 +135,10 @@ def refined(
     WorkStopped
         When ``stop`` says so.
     """
-    begin, *parts = np.asarray(begins, float)
+    begins, parts = ([np.asarray(x, float) for x in positions] for positions in (begins, parts))
     forget()
     with Workers(given, jobs, stop=stop) as workers:
+        begin = _best(workers, begins, seed)
         if parts:
             ends, worth = [*parts, *([np.mean(parts, axis=0)] if len(parts) > 1 else [])], []
         else:
@@ -145,6 +147,14 @@ def refined(
     chosen = min(made, key=lambda one: one.merit)
     chosen.name, chosen.seed, chosen.first_theta, chosen.loss = name, seed, begin, np.array(worth)
     return chosen
+
+
+def _best(workers, begins, seed):
+    """The one whose herds are nearest to the clips."""
+    if len(begins) == 1:
+        return begins[0]
+    seeds = [seed + 4000 + k for k in range(SEEDS)]
+    return begins[int(np.argmin([one["score"] for one in workers.map(attempt, [_task(x, seeds) for x in begins])]))]
 
 
 def _evolved(given, workers, seed, cloud, say, hopeless):

@@ -81,7 +81,8 @@ def within(evidence: Evidence, region: Region) -> Evidence | None:
     sightings = None if evidence.sightings is None else _within(evidence.sightings, fields, here)
     speed = None
     if evidence.speed is not None and len(part) > 1:
-        speed = speed_evidence(part, sightings, evidence.speed.body_pixels, evidence.speed.smoothed)
+        known = evidence.speed.body_pixels, evidence.speed.smoothed, evidence.speed.errors
+        speed = speed_evidence(part, sightings, *known, evidence.radius_seen)
     notes = [*evidence.notes, f"Learned only from the region painted {region.colour}."]
     return replace(evidence, fields=part, sightings=sightings, speed=speed, notes=notes)
 

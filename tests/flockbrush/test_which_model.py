@@ -280,7 +280,17 @@ def test_how_much_animals_wander_is_found_by_herds_observed_as_their_tracks_are(
     given = ModelSetting.of_model([clip], fit, vision, {**kind.numbers, **kind.untold})
     trials.forget()
     found = answering(given, kind, fit.model_copy(update={"wander": 0.0}), 0)
-    assert found.wander == pytest.approx(0.4, abs=0.15)
+    assert [one.wander for one in found] == pytest.approx([0.4] * len(found), abs=0.15)
+
+
+def test_a_search_begins_with_the_best_of_its_beginnings(monkeypatch):
+    clip, truth = evidence_of(tracks("morse")[:48, :10]), TRUTHS["morse"].params
+    _search_little(monkeypatch, 0)
+    far = [truth.model_copy(update={"attraction": attraction, "wander": 2.0}) for attraction in (900.0, 1.0)]
+    for given in ([truth, *far], [*far, truth]):
+        monkeypatch.setattr(model_fit, "answering", lambda *_, given=given: given)
+        found = learned_model([clip], "morse").params
+        assert (found.attraction, found.wander) == pytest.approx((truth.attraction, truth.wander), rel=0.01)
 
 
 def test_of_all_frames_the_best_of_what_came_of_parts_is_kept(monkeypatch):
