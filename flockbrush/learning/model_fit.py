@@ -21,7 +21,16 @@ from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.learned_parameters import Attempt, Learned
 from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, read, scales_of
-from flockbrush.learning.model_search import CHANCE, STEP, WIDE_STEP, ModelSetting, first_shape, refined, speed_by
+from flockbrush.learning.model_search import (
+    CHANCE,
+    STEP,
+    WIDE_STEP,
+    Beginnings,
+    ModelSetting,
+    first_shape,
+    refined,
+    speed_by,
+)
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import LEAST, MOST, NAMES, theta_of
@@ -114,10 +123,10 @@ def learned_model(
     start, stopped = Attempt(name, seed, begin, begin), False
     try:
         if not quick:
-            begins = [place(given.numbers, one) for one in answering(given, kind, params, seed)]
-            ends = [place(given.numbers, part) for part in parts]
-            how = {"shape": shape, "jobs": jobs, "stop": stop, "say": say, "hopeless": hopeless}
-            start = refined(given, begins, name, seed, parts=ends, **how)
+            tried = answering(given, kind, params, seed)
+            places, ends = ([place(given.numbers, one) for one in those] for those in (tried, parts))
+            beginnings = Beginnings(places, ends, shape=shape)
+            start = refined(given, beginnings, name, seed, jobs=jobs, stop=stop, say=say, hopeless=hopeless)
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
     x = start.theta[: len(told)]
@@ -222,7 +231,7 @@ def _simulated_fit(clips, model: Behaviour, seed, parts, how) -> Learned:
     start, stopped = Attempt(model.name, seed, begin, begin), False
     try:
         ends = [place(given.numbers, part) for part in parts]
-        start = refined(given, [begin], model.name, seed, parts=ends, step=WIDE_STEP, **how)
+        start = refined(given, Beginnings([begin], ends, WIDE_STEP), model.name, seed, **how)
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
     params, x = given.params(start.theta), start.theta[: len(numbers)]

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from flockbrush.learning.world_rollout import model_of
 
 SIZE = 8  # candidates of a generation
 GENERATIONS = 4, 12  # fewest and most
-WORK = 120_000.0  # animals times seconds of simulation that the generations may take, about
+WORK = 80_000.0  # animals times seconds of simulation that the generations may take, about
 LOOSE = 0.14  # of the scatter: what each number may change turns by in the first generation
 STEP, WIDE_STEP = 0.1, 0.2  # of ranges, from a fit and from defaults: standard deviation of the first generation
 PATIENCE = 3  # generations, after which a hopeless search ends
@@ -106,8 +106,17 @@ def first_shape(numbers, information, step) -> np.ndarray:
     return np.linalg.inv(told + np.diag(most**-2.0)) / step**2
 
 
+class Beginnings(NamedTuple):
+    """Where a search begins, in positions from 0 to 1 in the ranges of the numbers."""
+
+    places: Sequence  # of (d,) ndarray: it begins with the best of them
+    parts: Sequence = ()  # of (d,) ndarray: what came of parts of the frames
+    step: float = STEP
+    shape: np.ndarray | None = None  # (d, d), see `first_shape`
+
+
 def refined(
-    given: ModelSetting, begins, name: str, seed: int = 0, *, parts=(), step=STEP, shape=None, jobs: int | Helpers = 1,
+    given: ModelSetting, beginnings: Beginnings, name: str, seed: int = 0, *, jobs: int | Helpers = 1,
     stop: Callable[[], bool] | None = None, say: Callable[[int, int, float, str], None] | None = None,
     hopeless: float = math.inf,
 ) -> Attempt:  # fmt: skip
@@ -117,14 +126,9 @@ def refined(
 
     Parameters
     ----------
-    begins : (k, d) array_like
-        Positions from 0 to 1 in the ranges of ``given.numbers``; the search begins with the best of them.
+    beginnings : Beginnings
     name : str
         Of the attempt.
-    parts : (p, d) array_like
-        What came of parts of the frames.
-    shape : (d, d) ndarray, optional
-        See `first_shape`.
     jobs, stop, say
         As for `flockbrush.learning.recipe.learn`.
     hopeless : float
@@ -135,14 +139,16 @@ def refined(
     WorkStopped
         When ``stop`` says so.
     """
-    begins, parts = ([np.asarray(x, float) for x in positions] for positions in (begins, parts))
+    parts = list(beginnings.parts)
     forget()
     with Workers(given, jobs, stop=stop) as workers:
-        begin = _best(workers, begins, seed)
+        begin = _best(workers, beginnings.places, seed)
         if parts:
             ends, worth = [*parts, *([np.mean(parts, axis=0)] if len(parts) > 1 else [])], []
         else:
-            ends, worth = _evolved(given, workers, seed, Evolution(begin, step, SIZE, (seed, 62), shape), say, hopeless)
+            _, _, step, shape = beginnings
+            cloud = Evolution(begin, step, SIZE, (seed, 62), shape)
+            ends, worth = _evolved(given, workers, seed, cloud, say, hopeless)
         made = [Attempt("", seed, begin, begin)] if ends is None else _judged(workers, [begin, *ends], seed)
     chosen = min(made, key=lambda one: one.merit)
     chosen.name, chosen.seed, chosen.first_theta, chosen.loss = name, seed, begin, np.array(worth)
@@ -163,7 +169,7 @@ def _evolved(given, workers, seed, cloud, say, hopeless):
     for g in range(given.generations):
         asked = cloud.ask()
         seeds = [seed + 1000 + SEEDS * g + k for k in range(SEEDS)]
-        scores = [one["score"] for one in workers.map(attempt, [_task(x, seeds, SEEDS * g) for x in asked])]
+        scores = [one["score"] for one in workers.map(attempt, [_task(x, seeds, begin=SEEDS * g) for x in asked])]
         cloud.tell(scores)
         worth.append(min(scores))
         tried.append(asked[int(np.argmin(scores))])
@@ -178,14 +184,15 @@ def _place(x):
     return {"theta": np.round(x, 12).tolist(), "extras": {}}
 
 
-def _task(x, seeds, begin=0, **more):
-    return {**_place(x), "seeds": seeds, "held": False, "begin": begin} | more
+def _task(x, seeds, held=False, begin=0):
+    """An `attempt` in the ticks of a level: in coarse ones, herds whose turns last for one tick behave otherwise."""
+    return {**_place(x), "seeds": seeds, "held": held, "begin": begin, "dt": DT}
 
 
 def _judged(workers, ends, seed) -> list[Attempt]:
     """Attempts with their scores on frames shown and held back, and with how far their herds stray in the long run."""
     seeds, factors = [seed + 2000 + k for k in range(LAST_SEEDS)], (1.0, *OTHER_NUMBERS)
-    tried = workers.map(attempt, [_task(x, seeds, held=held, dt=DT) for x in ends for held in (False, True)])
+    tried = workers.map(attempt, [_task(x, seeds, held) for x in ends for held in (False, True)])
     long = [{**_place(x), "seed": seed + 3000, "factor": factor} for x in ends for factor in factors]
     kept = workers.map(keep, long)
     made = []

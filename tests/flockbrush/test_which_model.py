@@ -284,7 +284,7 @@ def test_how_much_animals_wander_is_found_by_herds_observed_as_their_tracks_are(
 
 
 def test_a_search_begins_with_the_best_of_its_beginnings(monkeypatch):
-    clip, truth = evidence_of(tracks("morse")[:48, :10]), TRUTHS["morse"].params
+    clip, truth = evidence_of(tracks("morse")[:64]), TRUTHS["morse"].params
     _search_little(monkeypatch, 0)
     far = [truth.model_copy(update={"attraction": attraction, "wander": 2.0}) for attraction in (900.0, 1.0)]
     for given in ([truth, *far], [*far, truth]):

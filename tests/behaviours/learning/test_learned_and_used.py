@@ -5,6 +5,7 @@
 | crowding, and its factor of the speed | `speeds.table_of` | `systems.pace.crowding` | mean factor 1 on the clip |
 | mean, spread and reversion of speeds | `speed_process` | `_pace` (eq. 6) | learned back from a herd that has them |
 | speed of an animal in a frame | `sightings` (along the body) | `scores.view_of_run` | shoves count in neither |
+| contacts | left out of speeds by `body_gaps.with_room` | `systems.contact` | `test_body_gaps` |
 | body length and width | `bodies`, `setting.body_of` | `Herd`, levels | a body is one body length long |
 | body lengths of another size | `in_lengths_of`, `brush_of` | levels | the same herd, larger |
 """

@@ -49,6 +49,15 @@ def off(maps, film):
     return [np.abs(moved_by(m, corners) - moved_by(film.between(k), corners)).max() for k, m in enumerate(maps)]
 
 
+def test_all_frames_of_a_film_have_the_speeds_of_the_film(seen):
+    assert seen.part(slice(None)).speed == seen.speed
+
+
+def test_bodies_of_a_film_are_as_wide_as_they_were_drawn(seen):
+    """Forty animals, of which many touch."""
+    assert seen.radius_bl == pytest.approx(herd_film.RADIUS, abs=0.02)
+
+
 # the camera --------------------------------------------------------------------------
 
 
