@@ -57,7 +57,7 @@ def with_room(sightings, radius, fps) -> np.ndarray:
     table[sightings.frame, who] = beside
     table = binary_dilation(table, np.ones((2 * frames + 1, 1), bool))
     free = ~table[sightings.frame, who]
-    return free if free.mean() >= LEAST else np.ones(len(free), bool)
+    return free if free.sum() >= LEAST * len(free) else np.ones(len(free), bool)
 
 
 def radius_of_touching(sightings, radius) -> float:

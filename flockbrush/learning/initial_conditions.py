@@ -91,11 +91,11 @@ def own_speed(speed: SpeedSpec, paces, weight) -> SpeedSpec:
 def body_of(evidences: list[Evidence]) -> BodySpec:
     """Bodies as wide as the clip's; as discs, and smaller ones, if its animals would lie on one another."""
     radius = float(np.clip(np.median([e.radius_bl for e in evidences]), 0.05, 0.5))
-    apart = [e for e in evidences if told_apart(e)]
-    lying = [np.mean(distances_of_axes(e.sightings, radius) < 2.0 * LYING * radius) for e in apart]
+    apart = [e.sightings for e in evidences if e.sightings is not None and len(e.sightings.xy) and told_apart(e)]
+    lying = [np.mean(distances_of_axes(seen, radius) < 2.0 * LYING * radius) for seen in apart]
     if not lying or np.mean(lying) <= TOUCHING:
         return BodySpec(length=1.0, radius=radius)
-    gap = np.concatenate([distances_of_axes(e.sightings, 0.5) for e in apart])
+    gap = np.concatenate([distances_of_axes(seen, 0.5) for seen in apart])
     radius = float(np.clip(min(radius, 0.5 * np.quantile(gap, 0.05)), 0.05, 0.5))
     return BodySpec(length=1.0, radius=radius, contact="disc")
 

@@ -43,6 +43,12 @@ def test_one_that_is_alone_is_infinitely_far_from_others():
     assert np.isinf(distances_of_axes(seen(np.zeros((2, 1, 2)), [1.0, 0.0]), 0.2)).all()
 
 
+def test_of_nobody_nothing_is_asked():
+    nobody = Sightings(np.zeros(4, int), *(np.zeros((0, 2)),) * 2, *(np.zeros(0),) * 2, np.zeros(0, int))
+    assert len(distances_of_axes(nobody, 0.2)) == len(with_room(nobody, 0.2, FPS)) == 0
+    assert radius_of_touching(nobody, 0.2) == 0.2
+
+
 def test_animals_have_no_room_while_they_pass_each_other_nor_shortly_before_and_after():
     along = np.linspace(-4.0, 4.0, 101)  # 2 BL/s each, in opposite directions, .5 BL apart; a third one far away
     xy = np.stack([np.column_stack([along, np.zeros(101)]), np.column_stack([-along, np.full(101, 0.5)]),
