@@ -13,9 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flockbrush.film.observations import Evidence, Fields
-from flockbrush.learning.axis_variance import variance_told
+from flockbrush.learning.axis_variance import variance_of_run, variance_told
 from flockbrush.learning.herd_views import HerdView, fields_of, told_apart, view_of, view_of_run
-from flockbrush.learning.photo import directions_of
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.scores import ClipTarget, density_errors, distance, measures_of, total, velocity_errors
 
@@ -180,8 +179,9 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
     clip = measures_of(view)
     if not fields.tells_motion:  # one picture: nothing is known of motion
         clip |= {name: np.full(len(fields), np.nan) for name in MOVING if name in clip}
-        clip["directions"] = np.full(len(fields), variance_told(fields))
-        herds = [herd | {"directions": directions_of(run, fields)} for herd, run in zip(herds, runs, strict=True)]
+        clip["directions"] = np.full(len(fields), variance_told(evidence))
+        for herd, run in zip(herds, runs, strict=True):
+            herd["directions"] = variance_of_run(run, fields, range(len(run)))
     made = Comparison(fields.frames.copy(), times, clip, herds, runs[0])
     target = ClipTarget.of(evidence)
     made.unlike = float(np.mean([total(distance(run, evidence, target)) for run in runs]))

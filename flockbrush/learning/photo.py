@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from flockbrush.film.observations import Evidence, Fields, Sightings
+from flockbrush.film.observations import Evidence, Sightings
 from flockbrush.film.speeds import SpeedEvidence
-from flockbrush.learning.axis_variance import RANDOM, mean_variance, variance_of_axes
-from flockbrush.learning.rollout import Run
+from flockbrush.learning.axis_variance import RANDOM, variance_of_axes
 
 SECONDS, FPS = 4.0, 12.5  # how long the picture stands
 SPEED = 0.5  # body lengths a second, of animals at rest on land (the paper's seals), where nobody says
@@ -110,9 +109,3 @@ def angular_variance(photo: Evidence) -> tuple[np.ndarray, bool]:
     told = np.isfinite(measured) & np.isfinite(target)
     target[told] = measured[told]
     return target, bool(told.any())
-
-
-def directions_of(run: Run, fields: Fields) -> np.ndarray:
-    """(T,) degrees², the angular variance of a simulated herd frame by frame, as that of a photograph is taken."""
-    rows = [run.of(t) for t in range(len(run))]
-    return np.array([mean_variance(fields, run.xy[r], run.forward[r]) for r in rows])

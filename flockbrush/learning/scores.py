@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 from flockbrush.engine.maths import atan2_
 from flockbrush.film.observations import Evidence, Fields
 from flockbrush.film.pair_density import mean_pairs, pairs_of_bodies, pairs_off
-from flockbrush.learning.axis_variance import mean_variance, variance_told
+from flockbrush.learning.axis_variance import variance_of_run, variance_told
 from flockbrush.learning.herd_views import HerdView, in_picture, told_apart, view_of, view_of_run
 from flockbrush.learning.rollout import Run
 
@@ -332,7 +332,7 @@ class ClipTarget:
         ends = {name: _in_the_end(over_time[name], mean[name], scale[name], later[name]) for name in LASTING}
         end, end_scale, trend = ({name: told[k] for name, told in ends.items()} for k in (0, 1, 2))
         spacing = spacings([view.xy[view.of(0)]] if single and not headed else [])
-        directions = _directions(evidence.fields)
+        directions = _directions(evidence)
         trend = dict.fromkeys(trend, 0.0) if single else trend
         told = over_time, mean, scale, around, every, single, end, end_scale, directions, spacing, headed, trend
         if single or evidence.fields.pairs is None:
@@ -367,11 +367,12 @@ def spacings(looks) -> np.ndarray:
     return np.quantile(np.concatenate(far), np.arange(1, 10) / 10) if far else np.full(9, np.nan)
 
 
-def _directions(fields):
+def _directions(evidence):
     """Variance of directions in a photograph, degrees²; NaN for a video, whose motion shows more."""
+    fields = evidence.fields
     if np.isfinite(fields.velocity).any() or not np.isfinite(fields.angular_variance).any():
         return np.nan
-    return variance_told(fields)
+    return variance_told(evidence)
 
 
 def _mean(values):
@@ -410,8 +411,8 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
         if np.isfinite(target.mean[name]):
             out[name] = _off_in_the_end(seen[name], target, name) if lasting else _off(seen[name], target, name)
     if np.isfinite(target.directions):
-        looks = [run.of(t) for t in range(len(run) // 3, len(run), max(1, len(run) // 8))]
-        lie = _mean(np.array([mean_variance(evidence.fields, run.xy[r], run.forward[r]) for r in looks]))
+        looks = range(len(run) // 3, len(run), max(1, len(run) // 8))
+        lie = _mean(variance_of_run(run, evidence.fields, looks))
         off = abs(np.log((lie + LEAST_LYING) / (target.directions + LEAST_LYING)))
         out["directions"] = float(np.nan_to_num(min(off / LYING, FARTHEST), nan=FARTHEST))
     if np.isfinite(target.spacing).all():
