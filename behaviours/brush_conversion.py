@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 
 from flockbrush.behaviours.brush import Brush, flies_free, load_brush, usual_body
-from flockbrush.behaviours.brush_writer import _value
+from flockbrush.behaviours.brush_writer import toml_value
 from flockbrush.behaviours.species import SUFFIX, BodySpec, SpeciesLibrary, load_species
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 
@@ -77,14 +77,14 @@ def species_for(brush: Brush) -> str:
     flies = flies_free(brush)
     lines = [
         'schema = "flockbrush.species/1"',
-        f'title = {_value(brush.title or brush.name)}',
-        f'description = {_value(f"The animals of the brush {brush.name}; limits are the usual ones.")}',
+        f'title = {toml_value(brush.title or brush.name)}',
+        f'description = {toml_value(f"The animals of the brush {brush.name}; limits are the usual ones.")}',
         f'look = "{"bird" if flies else "beast"}"',
         f'gait = "{"flapping" if flies else "quadruped"}"',
-        f'media = {_value(["walk", "fly"] if flies else ["walk"])}',
-        f'tags = {_value(["bird"] if flies else ["herd"])}',
+        f'media = {toml_value(["walk", "fly"] if flies else ["walk"])}',
+        f'tags = {toml_value(["bird"] if flies else ["herd"])}',
         "", "[body]",
-        *(f"{name} = {_value(value)}" for name, value in brush.body.model_dump().items()),
+        *(f"{name} = {toml_value(value)}" for name, value in brush.body.model_dump().items()),
         "", "[relations]", '"*" = { avoid = 1.0 }',
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
@@ -95,4 +95,4 @@ def _with_made_for(text: str, made_for: tuple[str, ...]) -> str:
     first = _HEADER.search(text)
     at = len(text) if first is None else first.start()
     head = text[:at].rstrip("\n")
-    return f"{head}\nmade_for = {_value(made_for)}  # species or tags that paint of it binds\n\n{text[at:]}"
+    return f"{head}\nmade_for = {toml_value(made_for)}  # species or tags that paint of it binds\n\n{text[at:]}"

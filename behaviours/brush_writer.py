@@ -52,7 +52,7 @@ def _table(name: str, model: BaseModel) -> list[str]:
     lines = ["", f"[{name}]", *_lines(type(model), plain)]
     for field, table in tables.items():
         if table:
-            lines += ["", f"[{name}.{field}]", *(f"{_key(key)} = {_value(value)}" for key, value in table.items())]
+            lines += ["", f"[{name}.{field}]", *(f"{_key(key)} = {toml_value(value)}" for key, value in table.items())]
     return lines
 
 
@@ -65,7 +65,7 @@ def _lines(model: type[BaseModel], values: dict[str, Any]) -> list[str]:
         if last not in (None, stem) and max(stems[stem], stems[last]) > 2:  # weight, radial, angular of one force
             lines.append("")
         last = stem
-        line = f"{name} = {_value(value)}"
+        line = f"{name} = {toml_value(value)}"
         comment = "" if isinstance(value, str) and " " in value else _comment(model, name)
         lines.append(f"{line}  # {comment}" if comment else line)
     return lines
@@ -79,7 +79,7 @@ def _key(key: str) -> str:
     return key if re.fullmatch("[A-Za-z0-9_-]+", key) else _text(key)
 
 
-def _value(value: Any) -> str:
+def toml_value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -87,7 +87,7 @@ def _value(value: Any) -> str:
     if isinstance(value, datetime.date):
         return value.isoformat()
     if isinstance(value, (tuple, list)):
-        return f"[{', '.join(map(_value, value))}]"
+        return f"[{', '.join(map(toml_value, value))}]"
     return repr(value)
 
 

@@ -32,7 +32,7 @@ from flockbrush.film import flow, masks, observe, sightings, stabilise  # noqa: 
 
 PARTS = {  # name: the functions that do the work
     "decode": [(clip, "_look_through")],
-    "stabilise": [(stabilise._Follower, "step")],
+    "stabilise": [(stabilise.GroundFollower, "step")],
     "colours, size": [(observe, "colours_of"), (observe, "_size")],
     "mask": [(masks.BodyColours, "mask"), (observe, "without_specks")],
     "flow": [(flow.Flow, "between"), (flow.Flow, "small")],

@@ -21,7 +21,7 @@ from flockbrush.levels.object_outlines import outline_of, reshape, shape_as
 from flockbrush.levels.playground_tiles import PlaygroundTiles
 from flockbrush.levels.schema import CLASSES, GROUP
 from flockbrush.levels.tile_data import FLIP_FLAGS, TileGrid
-from flockbrush.levels.tiled import _member
+from flockbrush.levels.tiled import project_member
 from flockbrush.systems.commands import AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing
 from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone, PlaceKey
@@ -266,7 +266,7 @@ class EditedMap:
                 entries.append({"name": name, "type": _TYPES[type(value)], "value": value})
             elif entry is None:
                 if value != p.default or p.required:
-                    entries.append({**_member(p, "propertytype"), "value": value})
+                    entries.append({**project_member(p, "propertytype"), "value": value})
             elif not (p.kind == "goal" and type(entry["value"]) is int and self._goal(entry["value"]) == value):
                 entry |= {"value": value, "type": "string"} if p.kind == "goal" else {"value": value}
         if whole is not None:

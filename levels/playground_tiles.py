@@ -10,7 +10,7 @@ from flockbrush.levels.level_writer import dump
 from flockbrush.levels.properties import FilePlace, Report
 from flockbrush.levels.reader import LevelReader
 from flockbrush.levels.terrain_kinds import TERRAINS
-from flockbrush.levels.tiled import _tile
+from flockbrush.levels.tiled import class_tile
 from flockbrush.levels.tileset_reader import TilesetReader
 from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS
 
@@ -75,7 +75,7 @@ class PlaygroundTiles:
         tile = self.map.data["tilewidth"]
         new_entry = entry | {
             "imageheight": rows * tile, "tilecount": rows * COLUMNS,
-            "tiles": [*entry["tiles"], _tile(number, cls, values)],
+            "tiles": [*entry["tiles"], class_tile(number, cls, values)],
         }  # fmt: skip
         others = [e for e in self.map.data.get("tilesets", []) if e["firstgid"] != entry["firstgid"]]
         self.map.set(self.map.data, "tilesets", [*others, new_entry])

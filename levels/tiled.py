@@ -178,7 +178,7 @@ def project(brushes, programs=()) -> dict:
             {
                 "color": _argb(cls.colour),
                 "id": len(types) + 1,
-                "members": [_member(p, "propertyType") for p in _sorted(cls)],
+                "members": [project_member(p, "propertyType") for p in _sorted(cls)],
                 "name": cls.name,
                 "type": "class",
                 "useAs": _USE[cls.use],
@@ -201,7 +201,11 @@ def project(brushes, programs=()) -> dict:
 def object_types() -> list[dict]:
     """The object types that Tiled 1.8 reads; later versions find the same classes in the project."""
     return [
-        {"color": _argb(c.colour), "name": c.name, "properties": [_member(p, "propertytype") for p in _sorted(c)]}
+        {
+            "color": _argb(c.colour),
+            "name": c.name,
+            "properties": [project_member(p, "propertytype") for p in _sorted(c)],
+        }
         for c in CLASSES.values()
         if c.use in ("object", "tile")
     ]
@@ -222,7 +226,7 @@ def _sorted(cls: ObjectClass):
     return sorted(cls.properties, key=lambda p: p.name)
 
 
-def _member(p: Property, enum_key) -> dict:
+def project_member(p: Property, enum_key) -> dict:
     member = {"name": p.name, "type": _TYPES.get(p.kind, "string"), "value": p.default}
     if p.kind == "colour":
         member["value"] = _argb(p.default)
@@ -264,17 +268,17 @@ def tileset(name, tiles, shape) -> dict:
         "tilecount": shape[0] // TILE * COLUMNS,
         "tiledversion": "1.8.2",
         "tileheight": TILE,
-        "tiles": [_tile(i, cls, values) for i, (cls, values) in enumerate(tiles)],
+        "tiles": [class_tile(i, cls, values) for i, (cls, values) in enumerate(tiles)],
         "tilewidth": TILE,
         "type": "tileset",
         "version": "1.8",
     }
 
 
-def _tile(number, cls, values):
+def class_tile(number, cls, values):
     known = {p.name: p for p in CLASSES[cls].properties}
     properties = [
-        {**_member(known[k], "propertytype"), "value": _argb(v) if known[k].kind == "colour" else v}
+        {**project_member(known[k], "propertytype"), "value": _argb(v) if known[k].kind == "colour" else v}
         for k, v in sorted(values.items())
         if v != known[k].default
     ]

@@ -168,7 +168,7 @@ def _agree(met, edges, wished, far, within=None):
 
 
 @njit(inline="always")
-def _nearest(ax, ay, ux, uy, p, bx, by, vx, vy, q):
+def nearest_of_segments_(ax, ay, ux, uy, p, bx, by, vx, vy, q):
     """Nearest points of two segments: centre, unit direction, half length of each.  Returns their offset, a to b."""
     wx, wy = bx - ax, by - ay
     uv = ux * vx + uy * vy
@@ -187,17 +187,17 @@ def _nearest(ax, ay, ux, uy, p, bx, by, vx, vy, q):
 def towards_body_(wx, wy, ux, uy, p, vx, vy, q, touch):
     """Offset of a body that may be touched, its size, and the share of a heading into it that is taken away.
 
-    Segments as for `_nearest`, their centres apart by (wx, wy); their bodies touch at ``touch``.  A share of 0 or less:
-    it is not near enough.
+    Segments as for `nearest_of_segments_`, their centres apart by (wx, wy); their bodies touch at ``touch``.  A share
+    of 0 or less: it is not near enough.
     """
-    x, y = _nearest(0.0, 0.0, ux, uy, p, wx, wy, vx, vy, q)
+    x, y = nearest_of_segments_(0.0, 0.0, ux, uy, p, wx, wy, vx, vy, q)
     far = np.sqrt(x * x + y * y)
     share = DEFLECT * (1.0 - (far - touch) / (SKIN * touch))
     return x, y, far, share if far > 1e-12 else 0.0
 
 
 @njit(inline="always")
-def _edge(ends, g):
+def edge_segment_(ends, g):
     """Centre, unit direction and half length of an edge."""
     ux, uy = ends[g, 2] - ends[g, 0], ends[g, 3] - ends[g, 1]
     size = np.sqrt(ux * ux + uy * uy)
@@ -207,7 +207,7 @@ def _edge(ends, g):
 
 
 @inner_kernel
-def _edges_near(x, y, edges):
+def edges_near(x, y, edges):
     """First and last entry of the list of edges near a point."""
     ex, ey = (x - edges.west) / edges.cell, (y - edges.south) / edges.cell
     if ex >= 0.0 and ey >= 0.0 and ex < edges.nx and ey < edges.ny:
@@ -240,10 +240,10 @@ def _turn(lo, hi, met, wish, speed, max_turn, edges, dt, wished):
                 into = (gx * ox + gy * oy) / d
                 if into > 0.0:
                     gx, gy = gx - room * into * ox / d, gy - room * into * oy / d
-        e0, e1 = _edges_near(x[s], y[s], edges)
+        e0, e1 = edges_near(x[s], y[s], edges)
         for e in range(e0, e1):
-            cx, cy, ux, uy, p = _edge(ends, item[e])
-            nx, ny = _nearest(x[s], y[s], fx[s], fy[s], half[s], cx, cy, ux, uy, p)
+            cx, cy, ux, uy, p = edge_segment_(ends, item[e])
+            nx, ny = nearest_of_segments_(x[s], y[s], fx[s], fy[s], half[s], cx, cy, ux, uy, p)
             d = np.sqrt(nx * nx + ny * ny)
             if d <= 1e-12 or d > radius[s] + 2.0 * ahead + 0.25 * radius[s]:
                 continue
@@ -288,7 +288,7 @@ def _push(lo, hi, met, wished, far, pushed):
             apart = touch + half[s] + half[t]  # bounding discs
             if dx * dx + dy * dy >= apart * apart:
                 continue
-            nx, ny = _nearest(
+            nx, ny = nearest_of_segments_(
                 0.0, 0.0, heading[s, 0], heading[s, 1], half[s], dx, dy, heading[j, 0], heading[j, 1], half[t]
             )
             d2 = nx * nx + ny * ny
@@ -337,7 +337,7 @@ def _keep_to_own_side(lo, hi, met, edges, wished, firm, fresh, stuck, far, safe)
             anew |= fresh[itself[near[s, k]]]
         if not anew:
             continue
-        e0, e1 = _edges_near(x[s], y[s], edges)
+        e0, e1 = edges_near(x[s], y[s], edges)
         if count[s] + e1 - e0 > room:
             room = 2 * (count[s] + e1 - e0)
             sides = Sides(np.empty(room), np.empty(room), np.empty(room))
@@ -360,7 +360,7 @@ def _sides_of_bodies(s, met, wished, firm, sides):
     n = 0
     for k in range(met.count[s]):
         t = near[s, k]
-        ox, oy = _nearest(x[s], y[s], fx[s], fy[s], half[s], x[t], y[t], fx[t], fy[t], half[t])
+        ox, oy = nearest_of_segments_(x[s], y[s], fx[s], fy[s], half[s], x[t], y[t], fx[t], fy[t], half[t])
         d = np.sqrt(ox * ox + oy * oy)
         if d > 1e-12:
             nx, ny = ox / d, oy / d
@@ -379,8 +379,8 @@ def _sides_of_edges(s, met, edges, first, last, n, sides):
     """Write the sides that it keeps to of some edges, behind the n that there are; returns how many it keeps to."""
     x, y, fx, fy, half, radius = met.x[s], met.y[s], met.fx[s], met.fy[s], met.half[s], met.radius[s]
     for e in range(first, last):
-        cx, cy, ux, uy, p = _edge(edges.ends, edges.item[e])
-        ox, oy = _nearest(x, y, fx, fy, half, cx, cy, ux, uy, p)
+        cx, cy, ux, uy, p = edge_segment_(edges.ends, edges.item[e])
+        ox, oy = nearest_of_segments_(x, y, fx, fy, half, cx, cy, ux, uy, p)
         d = np.sqrt(ox * ox + oy * oy)
         if d > 1e-12:
             sides.nx[n], sides.ny[n], sides.free[n] = ox / d, oy / d, max(d - radius - SLACK, 0.0)

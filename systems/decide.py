@@ -92,7 +92,7 @@ class RoleState(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _roles(lo, hi, forward, first, near, offset, members, rules, state):
+def roles_kernel(lo, hi, forward, first, near, offset, members, rules, state):
     xyz, length, species = members.xyz, members.length, members.species
     for i in range(lo, hi):
         b = members.brush[i]
@@ -121,7 +121,7 @@ def _remember(i, kin, before, sx, sy, xyz, most, state):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _roles_by_slot(lo, hi, found, species, members, rules, state, reference):
-    """As `_roles`, and the reference birds, of the animals in slots lo to hi; ``species`` is by slot."""
+    """As `roles_kernel`, and the reference birds, of the animals in slots lo to hi; ``species`` is by slot."""
     cells, _, begin, count = found
     x, y, kind, seen = pointer(cells.x), pointer(cells.y), pointer(species), pointer(found.seen)
     for s in range(lo, hi):

@@ -13,7 +13,7 @@ import numpy as np
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.solid_queries import blocks_
 from flockbrush.engine.solids import Solids
-from flockbrush.systems.noticing import _behind_a_hill, _crossed
+from flockbrush.systems.noticing import behind_a_hill, crosses_an_edge
 from numba import njit
 
 
@@ -88,9 +88,9 @@ def _sees(eyes, i, place, radius, aloft, reach):
             return False
     px, py, pz = eyes.xyz[i, 0], eyes.xyz[i, 1], eyes.xyz[i, 2] + eyes.up[i]
     rise = z - eyes.up[i] + radius
-    if not (eyes.aloft[i] or aloft) and _crossed(eyes.edges, px, py, x, y):
+    if not (eyes.aloft[i] or aloft) and crosses_an_edge(eyes.edges, px, py, x, y):
         return False
     if len(eyes.solids.kind) and blocks_(eyes.solids, px, py, pz, x, y, rise):
         return False
     hills = eyes.relief.shape[0] * eyes.relief.shape[1] > 1
-    return not (hills and _behind_a_hill(eyes.relief, eyes.relief_cell, px, py, pz, x, y, rise))
+    return not (hills and behind_a_hill(eyes.relief, eyes.relief_cell, px, py, pz, x, y, rise))

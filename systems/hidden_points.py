@@ -20,7 +20,7 @@ STRAIGHT = 1e-12  # sine of a turn that counts as none
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _corners(x, y):
+def hull_corners(x, y):
     """Corners of the convex hull of points and the origin, on a plane; the origin, of index n, is left out.
 
     Monotone chain: from west to east below, and back above, leaving out whoever makes no left turn.

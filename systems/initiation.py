@@ -20,7 +20,7 @@ from flockbrush.behaviours.formation.reaching import FormingRules, home_, part_i
 from flockbrush.engine.arrays import write_
 from flockbrush.engine.maths import atan2_, inner_kernel, sincos_
 from flockbrush.engine.noise import Noise
-from flockbrush.systems.hidden_points import _corners
+from flockbrush.systems.hidden_points import hull_corners
 from numba import njit
 
 TOLERANCE = 0.5  # wingspans from its place at which a bird is in place
@@ -85,7 +85,7 @@ def _look(i, birds, rules, perceived, angle, seen):
             stretch = 2.0 * FLIP * far / d - 1.0 if d > 0.0 else 0.0
             px[j], py[j] = px[j] * stretch, py[j] * stretch
             seen[j] = False
-        for j in _corners(px, py):
+        for j in hull_corners(px, py):
             seen[j] = j != i
     for j in range(n):
         seen[j] &= angle[j] <= rules.volume and perceived[i, j]

@@ -171,11 +171,11 @@ def _notice(lo, hi, watchers, kinds, hiding, first, near, offset, distance, coun
                 up = watchers.eyes[i] if not aloft[i] else 0.0
                 rise = z - up + (radius[j] if not aloft[j] else 0.0)
                 px, py, pz = xyz[i, 0], xyz[i, 1], xyz[i, 2] + up
-                if not (aloft[i] or aloft[j]) and _crossed(edges, px, py, x, y):
+                if not (aloft[i] or aloft[j]) and crosses_an_edge(edges, px, py, x, y):
                     continue
                 if len(solids.kind) and blocks_(solids, px, py, pz, x, y, rise):
                     continue
-                if hills and _behind_a_hill(relief, hiding.relief_cell, px, py, pz, x, y, rise):
+                if hills and behind_a_hill(relief, hiding.relief_cell, px, py, pz, x, y, rise):
                     continue
                 if write:
                     at = first[i] + found
@@ -186,7 +186,7 @@ def _notice(lo, hi, watchers, kinds, hiding, first, near, offset, distance, coun
 
 
 @inner_kernel
-def _crossed(edges, x, y, ox, oy):
+def crosses_an_edge(edges, x, y, ox, oy):
     """Whether the way from (x, y) by an offset crosses an edge that blocks the view."""
     x0, x1, y0, y1 = min(x, x + ox), max(x, x + ox), min(y, y + oy), max(y, y + oy)
     for e in range(len(edges)):
@@ -199,7 +199,7 @@ def _crossed(edges, x, y, ox, oy):
 
 
 @inner_kernel
-def _behind_a_hill(relief, cell, x, y, z, ox, oy, oz):
+def behind_a_hill(relief, cell, x, y, z, ox, oy, oz):
     """Whether the ground rises above the line from (x, y, z) by an offset."""
     for k in range(1, STEPS):
         t = k / STEPS

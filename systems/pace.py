@@ -67,7 +67,9 @@ class Pace(System):
         )  # fmt: skip
         rules = PaceRules(*(getattr(palette, name) for name in PaceRules._fields))
         state = PaceState(*(agents[field] for field in (Urge.driven, Speed.drawn, Speed.effort, Speed.target)))
-        over_rows(_pace, n, walkers, rules, speed_chance(world.resource(Noise), clock.tick, clock.dt), clock.dt, state)
+        over_rows(
+            pace_kernel, n, walkers, rules, speed_chance(world.resource(Noise), clock.tick, clock.dt), clock.dt, state
+        )
         if was is None:
             return
         walking = np.full(n, -1.0)
@@ -157,7 +159,7 @@ def crowding(lo, hi, cells, length, density):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _pace(lo, hi, walkers, rules, chance, dt, state):
+def pace_kernel(lo, hi, walkers, rules, chance, dt, state):
     free, ids, length, brush, density, factor, cap, slope, place, forward, wanted, own = walkers[:12]
     top, most, share, wished = walkers[12:]
     mean, deviation, reversion, individual, common, common_time, first, table, _, _, _ = rules

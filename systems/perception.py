@@ -30,7 +30,7 @@ from flockbrush.components import BrushBinding, Species
 from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.fauna import SpeciesList, kin_of
-from flockbrush.systems.hidden_points import RADIUS_FACTOR, _corners
+from flockbrush.systems.hidden_points import RADIUS_FACTOR, hull_corners
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.visibility import Found, Lists, lists_of
 from numba import njit
@@ -150,5 +150,5 @@ def _shell(own, offset, inverted, keep):
             continue
         stretch = far * far / (d * d) if inverted else 2.0 * RADIUS_FACTOR * far / d - 1.0
         x[k], y[k] = x[k] * stretch, y[k] * stretch
-    for k in _corners(x, y):
+    for k in hull_corners(x, y):
         keep[own[k]] = True

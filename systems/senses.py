@@ -11,7 +11,7 @@ from flockbrush.engine.maths import sincos_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.engine.scratch import Scratch
-from flockbrush.systems.contact import _edge, _edges_near
+from flockbrush.systems.contact import edge_segment_, edges_near
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.grid import Cells, sort_into_cells
 from flockbrush.systems.landscape import Landscape
@@ -129,7 +129,7 @@ class See(System):
                 world.resource(Sight).show(Found(near.cells, none.astype(np.int32), none, np.zeros(n, np.int64)))
                 return
         cosine = np.empty(n)
-        over_rows(_cosine_of_half, n, agents[Vision.field_of_view], cosine)
+        over_rows(cosine_of_half_kernel, n, agents[Vision.field_of_view], cosine)
         through = palette.sees_through[binding]
         look = near.cells, agents[Vision.range], cosine, land.opaque
         found = look_around(*look, not (n and through.all()), self.width)
@@ -155,7 +155,7 @@ class SeeInSpace(System):
         if near.aloft is None:
             return
         cosine = np.empty(len(agents))
-        over_rows(_cosine_of_half, len(agents), agents[Vision.field_of_view], cosine)
+        over_rows(cosine_of_half_kernel, len(agents), agents[Vision.field_of_view], cosine)
         through = palette.sees_through[agents[BrushBinding.brush]]
         eyes = EyesInSpace(agents[Vision.range], cosine, through, agents[Body.radius])
         solids = world.resource(Landscape).opaque_solids
@@ -179,7 +179,7 @@ class SeeObstacles(System):
         while True:
             found = np.empty((n, most, 2))
             args = agents[Position.xyz], agents[Vision.range], land.solid, land.solid_owner
-            over_rows(_nearest_points, n, *args, found, count)
+            over_rows(nearest_points_kernel, n, *args, found, count)
             if not n or count.max() <= most:
                 break
             most = int(count.max())
@@ -189,7 +189,7 @@ class SeeObstacles(System):
 
 
 @njit(cache=True, nogil=True)
-def _cosine_of_half(lo, hi, angle, cosine):
+def cosine_of_half_kernel(lo, hi, angle, cosine):
     for i in range(lo, hi):
         if angle[i] >= 2.0 * np.pi - 1e-9:
             cosine[i] = -1.0
@@ -198,11 +198,11 @@ def _cosine_of_half(lo, hi, angle, cosine):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _nearest_points(lo, hi, xyz, reach, edges, owner, found, count):
+def nearest_points_kernel(lo, hi, xyz, reach, edges, owner, found, count):
     most, item = found.shape[1], edges.item
     for i in range(lo, hi):
         x, y = xyz[i, 0], xyz[i, 1]
-        e0, e1 = _edges_near(x, y, edges)
+        e0, e1 = edges_near(x, y, edges)
         n, last, best = 0, -1, 0.0
         px = py = 0.0
         r2 = reach[i] * reach[i]
@@ -216,7 +216,7 @@ def _nearest_points(lo, hi, xyz, reach, edges, owner, found, count):
                     n += 1
                 last, best = who, np.inf
             if e < e1:
-                cx, cy, ux, uy, half = _edge(edges.ends, item[e])
+                cx, cy, ux, uy, half = edge_segment_(edges.ends, item[e])
                 t = min(max((x - cx) * ux + (y - cy) * uy, -half), half)
                 ox, oy = cx + t * ux - x, cy + t * uy - y
                 d2 = ox * ox + oy * oy

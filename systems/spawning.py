@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import uniform_
-from flockbrush.systems.contact import _edge, _edges_near, _nearest
+from flockbrush.systems.contact import edge_segment_, edges_near, nearest_of_segments_
 from flockbrush.systems.terrain import point_in_polygon
 from flockbrush.systems.visibility import Edges
 from numba import njit
@@ -239,8 +239,10 @@ def touching(xyz, forward, half, radius, edges):
     out = np.zeros(len(xyz), np.bool_)
     for i in range(len(xyz)):
         for e in range(len(edges)):
-            cx, cy, vx, vy, p = _edge(edges, e)
-            gx, gy = _nearest(xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1], half[i], cx, cy, vx, vy, p)
+            cx, cy, vx, vy, p = edge_segment_(edges, e)
+            gx, gy = nearest_of_segments_(
+                xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1], half[i], cx, cy, vx, vy, p
+            )
             out[i] |= gx * gx + gy * gy < radius[i] * radius[i]
     return out
 
@@ -272,7 +274,7 @@ def _bucket(ix, iy, size):
 def overlaps_(x, y, ux, uy, half, radius, bodies, k):
     """Whether a body meets the k-th of others."""
     bx, by, vx, vy, p = bodies.x[k], bodies.y[k], bodies.fx[k], bodies.fy[k], bodies.half[k]
-    gx, gy = _nearest(x, y, ux, uy, half, bx, by, vx, vy, p)
+    gx, gy = nearest_of_segments_(x, y, ux, uy, half, bx, by, vx, vy, p)
     touch = radius + bodies.radius[k]
     return gx * gx + gy * gy < touch * touch
 
@@ -308,10 +310,10 @@ def _stands(ground, x, y, ux, uy, half, radius):
     ix, iy, blocked = int(np.floor(x / ground.cell)), int(np.floor(y / ground.cell)), ground.blocked
     if 0 <= ix < blocked.shape[1] and 0 <= iy < blocked.shape[0] and blocked[iy, ix]:
         return False
-    e0, e1 = _edges_near(x, y, ground.edges)
+    e0, e1 = edges_near(x, y, ground.edges)
     for e in range(e0, e1):
-        cx, cy, vx, vy, p = _edge(ground.edges.ends, ground.edges.item[e])
-        gx, gy = _nearest(x, y, ux, uy, half, cx, cy, vx, vy, p)
+        cx, cy, vx, vy, p = edge_segment_(ground.edges.ends, ground.edges.item[e])
+        gx, gy = nearest_of_segments_(x, y, ux, uy, half, cx, cy, vx, vy, p)
         touch = radius + 1e-6
         if gx * gx + gy * gy < touch * touch:
             return False

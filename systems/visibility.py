@@ -127,7 +127,7 @@ def look_around(cells, view_range, cos_half_view, edges=None, occlusion=True, wi
     while True:
         views = Views(width, np.empty(m * width + LANES, np.int32), begin, count)
         over_rows(look, m, cells, eyes, edges, occlusion, sizes, views, chunk=CHUNK)
-        if not _crowded(begin, cells.ghost):
+        if not lists_overflow(begin, cells.ghost):
             return Found(cells, views.seen, begin, count)
         width = 2 * max(width, -(-int(count.sum()) // max(m, 1)))
 
@@ -158,7 +158,7 @@ def _widths(half, radius):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _crowded(begin, ghost):
+def lists_overflow(begin, ghost):
     """Whether somebody's list found no room."""
     crowded = False
     for i in range(len(begin)):

@@ -108,6 +108,18 @@ def test_every_room_imports_only_what_stands_before_it(room):
     assert {name: sentences for name, sentences in wrong.items() if sentences} == {}
 
 
+def private_names(found):
+    """Sentences about imports of what a file of ours keeps to itself."""
+    parts = ((line, name, name.split(".")[-1]) for line, name in found if name.split(".")[0] == "flockbrush")
+    return [f"line {line}: {name}" for line, name, last in parts if last.startswith("_") and not last.startswith("__")]
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_what_a_file_keeps_to_itself_no_other_imports(room):
+    wrong = {named(path): private_names(imports_of(path)) for path in files(room)}
+    assert {name: sentences for name, sentences in wrong.items() if sentences} == {}
+
+
 def test_no_two_files_import_each_other():
     modules = {module_of(path): path for path in files(*ROOMS)}
     graph = {
@@ -201,6 +213,9 @@ def test_the_rules_find_those_who_break_them():
     assert rooms_to_the_right("behaviours", found) == ["line 2: flockbrush.systems.grid.Cells"]
     found = imports("import flockbrush.lifting.lens")
     assert rooms_to_the_right("learning", found) == ["line 1: flockbrush.lifting.lens"]
+    assert private_names(imports("from flockbrush.systems.contact import _edge, contact\nfrom os import _exit")) == [
+        "line 1: flockbrush.systems.contact._edge"
+    ]
     assert _circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == ["b", "c"]
     for source in (
         "import random",

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from scipy.ndimage import binary_dilation
 
-from flockbrush.systems.contact import _nearest
+from flockbrush.systems.contact import nearest_of_segments_
 
 BESIDE = 0.15  # BL from another: whoever is nearer may be held up or pushed
 SOON = 0.12  # s before and after that, for which it may show
@@ -40,7 +40,9 @@ def _distances(first, xy, forward, half, found):
                 x, y = xy[j, 0] - xy[i, 0], xy[j, 1] - xy[i, 1]
                 if x * x + y * y >= (max(found[i], found[j]) + 2.0 * half) ** 2:
                     continue
-                x, y = _nearest(0.0, 0.0, forward[i, 0], forward[i, 1], half, x, y, forward[j, 0], forward[j, 1], half)
+                x, y = nearest_of_segments_(
+                    0.0, 0.0, forward[i, 0], forward[i, 1], half, x, y, forward[j, 0], forward[j, 1], half
+                )
                 far = np.sqrt(x * x + y * y)
                 found[i], found[j] = min(found[i], far), min(found[j], far)
 

@@ -8,7 +8,7 @@ import numpy as np
 from flockbrush.film.camera_maps import moved_by, scaled_maps
 from flockbrush.film.clip_reader import Clip
 from flockbrush.film.observations import CannotObserve
-from flockbrush.film.stabilise import SIDE, _Follower
+from flockbrush.film.stabilise import SIDE, GroundFollower
 
 PLAIN = 0.7  # least eigenvalue of the gradients, (grey levels)²: of grain alone .1 to .5, of faint grass 2
 ASTRAY = 3.0  # px at the corners of the picture by which the ground with and without animals may differ
@@ -22,7 +22,7 @@ def ground_alone(clip: Clip, animals, maps, frames=8) -> bool:
     CannotObserve
         When the ground without animals is too plain to be tracked.
     """
-    follower = _Follower(animals, min(1.0, SIDE / max(clip.size)))
+    follower = GroundFollower(animals, min(1.0, SIDE / max(clip.size)))
     corners = np.array([(0, 0), (clip.size[0], 0), (0, clip.size[1]), clip.size], float)
     for k, picture in clip.read(range(min(frames, len(clip)))):
         if not follower.step(k, picture) or follower.bare:

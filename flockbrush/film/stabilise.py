@@ -63,7 +63,7 @@ def register(clip: Clip, animals=None, say: Say = silent) -> Steady:
         When the ground of a picture cannot be found in those before.
     """
     scale = min(1.0, SIDE / max(clip.size))
-    follower = _Follower(animals, scale)
+    follower = GroundFollower(animals, scale)
     for k, picture in clip.read():
         if not follower.step(k, picture):
             a, b = int(clip.numbers[k - 1]), int(clip.numbers[k])
@@ -84,7 +84,7 @@ def _around(clip, k):
     return "".join(parts)
 
 
-class _Follower:
+class GroundFollower:
     """Tracks the ground from picture to picture; keeps the key pictures and the maps found so far."""
 
     def __init__(self, animals, scale):

@@ -147,9 +147,9 @@ def looks_of_run(
     """Looks at a run as seen in that clip, with the errors of its sightings."""
     fps = clip.fps if fps is None else fps
     if not told_apart(clip):
-        from flockbrush.learning.herd_views import _view_of_fields
+        from flockbrush.learning.herd_views import view_of_fields
 
-        return _of_view(_view_of_fields(fields_of(run, clip.fields)), fps, every)
+        return _of_view(view_of_fields(fields_of(run, clip.fields)), fps, every)
     first, xy, forward, who = seen_run(run, clip)
     return _looks(first, xy, forward, who, fps, every, span)
 

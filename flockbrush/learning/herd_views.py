@@ -64,7 +64,7 @@ def view_of(evidence: Evidence, single=None) -> HerdView:
     fields = evidence.fields
     seen = evidence.sightings
     if not single or seen is None:
-        return _view_of_fields(fields)
+        return view_of_fields(fields)
     ones, middle, heading, speed = np.ones(len(seen.xy)), _middle(fields), seen.forward, seen.speed
     if not fields.tells_motion:
         heading, speed = np.zeros_like(heading), np.full_like(speed, np.nan)
@@ -76,7 +76,7 @@ def view_of_run(run: Run, evidence: Evidence, single=None) -> HerdView:
     single = told_apart(evidence) if single is None else single
     fields = evidence.fields
     if not single:
-        return _view_of_fields(fields_of(run, fields))
+        return view_of_fields(fields_of(run, fields))
     inside = in_picture(run, fields)
     frame = np.repeat(np.arange(len(run)), np.diff(run.first))[inside]
     first = np.searchsorted(frame, np.arange(len(run) + 1))
@@ -99,7 +99,7 @@ def _middle(fields):
     return np.asarray(fields.origin, float) + 0.5 * fields.cell * np.array([nx, ny])
 
 
-def _view_of_fields(fields: Fields) -> HerdView:
+def view_of_fields(fields: Fields) -> HerdView:
     there = np.nan_to_num(fields.density) > 1e-6
     frame, row, column = np.nonzero(there)
     velocity = np.nan_to_num(fields.velocity[there])

@@ -13,10 +13,10 @@ import numpy as np
 from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.engine.maths import sincos_
-from flockbrush.systems.decide import LeaderRules, Members, RoleState, _roles
+from flockbrush.systems.decide import LeaderRules, Members, RoleState, roles_kernel
 from flockbrush.systems.grid import sort_into_cells
 from flockbrush.systems.perception import chosen_of_one_kind
-from flockbrush.systems.senses import _cosine_of_half, _nearest_points
+from flockbrush.systems.senses import cosine_of_half_kernel, nearest_points_kernel
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
 NO_OWNER = np.zeros(0, np.int32)  # of edges, where there are no walls
@@ -109,7 +109,7 @@ def half_and_radius(body):
 def cosine_of(vision) -> float:
     """Of half the field of view, as a run has it."""
     cosine = np.empty(1)
-    _cosine_of_half(0, 1, np.radians([float(vision.field_of_view)]), cosine)
+    cosine_of_half_kernel(0, 1, np.radians([float(vision.field_of_view)]), cosine)
     return float(cosine[0])
 
 
@@ -118,7 +118,7 @@ def _leaders(xyz, forward, species, lists, params):
     n = len(xyz)
     leader, memory, known = np.zeros(n, np.uint8), xyz[:, :2].copy(), np.zeros(n, np.uint8)
     members = Members(np.arange(n), xyz, np.ones(n), species, np.zeros(n, np.int32))
-    _roles(0, n, forward, *lists, members, leader_rule(params), RoleState(leader, memory, known))
+    roles_kernel(0, n, forward, *lists, members, leader_rule(params), RoleState(leader, memory, known))
     return leader, memory, known
 
 
@@ -137,7 +137,7 @@ def walls_in_sight(xyz, reach, solid, owner):
         return np.zeros(n + 1, np.int64), np.zeros((0, 2))
     most, count = int(owner.max()) + 1, np.zeros(n, np.int64)
     found = np.empty((n, most, 2))
-    _nearest_points(0, n, xyz, reach, solid, owner, found, count)
+    nearest_points_kernel(0, n, xyz, reach, solid, owner, found, count)
     return np.concatenate([[0], np.cumsum(count)]), found[np.arange(most) < count[:, None]]
 
 

@@ -33,10 +33,10 @@ from flockbrush.learning.perceive import BODILESS, NO_OWNER, cosine_of, half_and
 from flockbrush.learning.plane_scene import wishes_on_plane
 from flockbrush.learning.world_rollout import between, model_of, needs_world, world_looks
 from flockbrush.systems.contact import move
-from flockbrush.systems.decide import Members, RoleState, _roles
+from flockbrush.systems.decide import Members, RoleState, roles_kernel
 from flockbrush.systems.grid import sort_into_cells
 from flockbrush.systems.ground_edges import outline_edges
-from flockbrush.systems.pace import PaceRules, PaceState, Walkers, _pace, company, crowding, pause, speed_chance
+from flockbrush.systems.pace import PaceRules, PaceState, Walkers, company, crowding, pace_kernel, pause, speed_chance
 from flockbrush.systems.perception import chosen_of_one_kind
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
@@ -388,7 +388,7 @@ class PlaneHerd:
         lists = chosen_of_one_kind(lists, self.vision.sight, self.vision.neighbours)
         walls = walls_in_sight(self.xyz, self.views, self.solid, self.owner)
         members = Members(self.ids, self.xyz, self.length, self.none, self.none)
-        _roles(0, n, self.forward, *lists, members, self.roles, RoleState(self.leader, self.memory, self.known))
+        roles_kernel(0, n, self.forward, *lists, members, self.roles, RoleState(self.leader, self.memory, self.known))
         if self.model is None:
             wish, pace = self._wishes(cells.row, lists, *walls, params), self.length
         else:
@@ -421,7 +421,8 @@ class PlaneHerd:
         if self.spec.by_density:
             walkers = walkers._replace(density=np.zeros(n))
             crowding(0, n, cells, self.length, walkers.density)
-        _pace(0, n, walkers, self.pace_rules, speed_chance(self.noise, self.tick_number, self.dt), self.dt, self.pace)
+        chance = speed_chance(self.noise, self.tick_number, self.dt)
+        pace_kernel(0, n, walkers, self.pace_rules, chance, self.dt, self.pace)
         if self.spec.stops > 0.0:
             walking = np.full(n, -1.0)
             company(0, n, cells, self.length, was, walking)
@@ -459,7 +460,7 @@ def rollout(start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0
         share = 1.0 - (herd.tick_number - after)
         looks.append(_look(herd) if before is None or share > 1 - 1e-9 else between(before, _look(herd), share))
         if around.gates is not None:
-            _pass_gates(herd, around.gates, k / fps)
+            pass_gates(herd, around.gates, k / fps)
     return _run_of(looks, fps)
 
 
@@ -474,7 +475,7 @@ def _look(herd):
     return herd.ids, herd.xyz[:, :2].copy(), herd.forward[:, :2].copy(), herd.velocity.copy()
 
 
-def _pass_gates(herd, gates, time):
+def pass_gates(herd, gates, time):
     """Remove animals that left the picture; add as many as the clip has more."""
     inside = gates.inside(time, herd.xyz[:, :2])
     if not inside.all():

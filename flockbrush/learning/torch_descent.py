@@ -38,8 +38,8 @@ from flockbrush.learning.rollout import (
     PlaneHerd,
     Surroundings,
     Walls,
-    _pass_gates,
     params_of,
+    pass_gates,
 )
 from flockbrush.learning.torch_herd import device_of, headings, sight_of, theta_tensor, threads
 from flockbrush.learning.torch_losses import ALONE, aims, density_of, error_mean, error_var
@@ -165,7 +165,7 @@ class FollowedClip:
             while herd.tick_number < after - 1e-9:
                 herd.tick()
             if self.around.gates is not None:
-                _pass_gates(herd, self.around.gates, (t + 1) / self.fields.fps)
+                pass_gates(herd, self.around.gates, (t + 1) / self.fields.fps)
             self._put_elsewhere(herd, min(frame + 1, len(self.fields) - 1), chance)
 
     def _begin(self, theta, seed):

@@ -16,7 +16,7 @@ from numba import njit
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, store, total, totals, where
 from flockbrush.engine.maths import atan2_, sincos_
-from flockbrush.systems.contact import DEFLECT, SKIN, _nearest, towards_body_
+from flockbrush.systems.contact import DEFLECT, SKIN, nearest_of_segments_, towards_body_
 
 REACH = 4.0  # BL: a radial range of 1
 ROOT_HALF, BELL = 0.5**0.5, (2 * np.pi) ** -0.5
@@ -33,7 +33,7 @@ def room_kernel(percept, half, radius, free):
             far = 2.0 * (half + radius) + JAMMED
             if x * x + y * y < far * far:
                 j = near[at]
-                ox, oy = _nearest(
+                ox, oy = nearest_of_segments_(
                     0.0, 0.0, forward[i, 0], forward[i, 1], half, x, y, forward[j, 0], forward[j, 1], half
                 )
                 room = np.sqrt(ox * ox + oy * oy) - 2.0 * radius

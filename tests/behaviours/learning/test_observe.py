@@ -16,7 +16,7 @@ from flockbrush.film.landmarks import Landmark
 from flockbrush.film.masks import colours_of
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.observe import observe
-from flockbrush.film.stabilise import _Follower, follow_landmarks, register
+from flockbrush.film.stabilise import GroundFollower, follow_landmarks, register
 from flockbrush.learning.rollout import Gates
 from flockbrush.learning.scores import spacings
 
@@ -77,7 +77,7 @@ def test_pictures_taken_aslant_at_first_do_not_spoil_those_taken_from_above(tilt
         there = np.array([[1, 0, 280 + 2.0 * k], [0, 1, 330 + k], [0, 0, 1]])
         return middle @ there @ slant @ np.linalg.inv(middle)
 
-    follower = _Follower(None, 1.0)
+    follower = GroundFollower(None, 1.0)
     for k in range(10):
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         assert follower.step(k, cv2.warpPerspective(tile, ground_of(k), SIZE, flags=flags, borderMode=cv2.BORDER_WRAP))
