@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.components import Body
+from flockbrush.levels.geometry import sign_of
 from flockbrush.render import Painter, Scenery
 from flockbrush.render.canvas import smooth
 from flockbrush.render.orbit import OrbitCamera
@@ -62,7 +63,7 @@ class SceneGoal(NamedTuple):
 
     name: str
     at: np.ndarray  # (3,) m
-    radius: float  # m
+    radius: float  # m; 0 of an area
 
 
 class SceneMeshes:
@@ -146,11 +147,17 @@ class SceneMeshes:
         return [self._line(thing.name, thing.polygon, True) for thing in areas]
 
     def goals(self) -> list[SceneGoal]:
-        """The goals."""
+        """The goals; those that are areas have a point in them and no radius."""
         return [
-            SceneGoal(goal.name, self._line("", np.asarray(goal.xy)[None], False).points[0], float(goal.radius))
-            for goal in self.scenery.goals
+            SceneGoal(
+                g.name, self._line("", sign_of(g)[None], False).points[0], float(g.radius if g.polygon is None else 0.0)
+            )
+            for g in self.scenery.goals
         ]
+
+    def goal_areas(self) -> list[SceneLine]:
+        """Outlines of the goals that are areas."""
+        return [self._line(g.name, g.polygon, True) for g in self.scenery.goals if g.polygon is not None]
 
     def camera(self, azimuth=None, elevation=None) -> OrbitCamera:
         """The camera that shows the whole level; degrees, from the south and 40° up by default."""

@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from flockbrush.levels.geometry import inside
+from flockbrush.systems.edits import PlaceGoal
 
+from flockbrush.output.live.messages import place as place_message
 from flockbrush.output.scene_meshes import CELLS, SceneMeshes, divided
 from flockbrush.render.canvas import smooth
 from flockbrush.runs.run import start
@@ -34,3 +37,19 @@ def test_a_divided_line_keeps_its_corners_and_its_length():
         assert steps.sum() == pytest.approx(length) and steps.max() <= 0.7
         assert all((np.abs(line - corner).sum(axis=1) == 0).any() for corner in corners)
     assert divided(corners[:1], 0.7).tolist() == [[0.0, 0.0]]
+
+
+def test_a_goal_that_is_an_area_has_its_outline_and_a_point_in_it():
+    simulation = start("meadow", agents=4)
+    before = len(SceneMeshes(simulation).goals())
+    ring = [[10, 10], [20, 10], [20, 20], [10, 20], [10, 18], [18, 18], [18, 12], [10, 12]]
+    simulation.submit(PlaceGoal(901, "fold", 15.0, 15.0, points=ring))
+    simulation.tick()
+    place = SceneMeshes(simulation)
+    goal, (outline,) = place.goals()[-1], place.goal_areas()
+    assert len(place.goals()) == before + 1 and goal.radius == 0.0 and outline.closed
+    assert {tuple(corner) for corner in ring} <= {tuple(point) for point in outline.points[:, :2].tolist()}
+    assert inside(goal.at[None, :2], np.array(ring, float))[0]
+    told = place_message(simulation)["goals"][-1]
+    assert told["outline"] == ring and told["radius"] == 0.0
+    assert told["xy"] == pytest.approx(goal.at[:2].tolist())

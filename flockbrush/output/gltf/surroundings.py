@@ -40,6 +40,7 @@ class PlaceNodes:
         self._ground(0, self.painted.first)
         self._lines("Guides", self.place.guides(), self.place.theme.guide)
         self._lines("Areas", self.place.areas(), self.place.theme.exit)
+        self._lines("Goal areas", self.place.goal_areas(), self.place.theme.goal)
         self._goals()
         self._light(world)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flockbrush.engine.commands import from_json
+from flockbrush.levels.geometry import sign_of
 from flockbrush.runs.snapshots import words_of
 from flockbrush.systems.landscape import Landscape
 
@@ -111,9 +112,14 @@ def place(simulation):
             for o in land.obstacles
         ],
         "guides": [{"name": g.name, "points": _points(g.points), "loop": bool(g.loop)} for g in land.guides],
-        "goals": [{"name": g.name, "xy": [float(v) for v in g.xy], "radius": g.radius} for g in land.goals],
+        "goals": [_goal(goal) for goal in land.goals],
         "exits": [{"name": e.name, "outline": _points(e.polygon)} for e in land.exits],
     }
+
+
+def _goal(goal):
+    how = {"radius": goal.radius} if goal.polygon is None else {"radius": 0.0, "outline": _points(goal.polygon)}
+    return {"name": goal.name, "xy": [float(v) for v in sign_of(goal)], **how}
 
 
 def _points(points):

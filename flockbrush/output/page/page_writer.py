@@ -207,6 +207,7 @@ def _place(place: SceneMeshes):
         "goals": [{"name": g.name, "at": np.round(g.at, 3).tolist(), "radius": g.radius} for g in place.goals()],
         "guides": [_line(line) for line in place.guides()],
         "areas": [_line(line) for line in place.areas()],
+        "goal_areas": [_line(line) for line in place.goal_areas()],
     }
 
 

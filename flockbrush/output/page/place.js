@@ -42,6 +42,7 @@ class Place {
     if (still.faces.length) scene.add(this.obstacles(still));
     for (const guide of place.guides) scene.add(this.line(guide, "--guide", 0.55));
     for (const area of place.areas) scene.add(this.line(area, "--exit", 0.6));
+    for (const area of place.goal_areas) scene.add(this.line(area, "--goal", 0.6));
     for (const goal of place.goals) scene.add(this.goal(goal, size));
   }
 
@@ -150,11 +151,14 @@ class Place {
     pole.position.z = tall / 2;
     const cloth = new THREE.BufferGeometry();
     cloth.setAttribute("position", new THREE.Float32BufferAttribute([0, 0, tall, 0.5 * tall, 0, 0.83 * tall, 0, 0, 0.66 * tall], 3));
-    const ring = new THREE.Mesh(new THREE.RingGeometry(Math.max(goal.radius - 0.01 * size, 0.9 * goal.radius), goal.radius, 64), colour.clone());
-    ring.material.transparent = true;
-    ring.material.opacity = 0.5;
-    ring.position.z = 0.05;
-    group.add(pole, new THREE.Mesh(cloth, colour), ring);
+    group.add(pole, new THREE.Mesh(cloth, colour));
+    if (goal.radius > 0) {
+      const ring = new THREE.Mesh(new THREE.RingGeometry(Math.max(goal.radius - 0.01 * size, 0.9 * goal.radius), goal.radius, 64), colour.clone());
+      ring.material.transparent = true;
+      ring.material.opacity = 0.5;
+      ring.position.z = 0.05;
+      group.add(ring);
+    }
     group.position.set(...goal.at);
     return group;
   }

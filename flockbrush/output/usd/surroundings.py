@@ -29,6 +29,7 @@ def write_place(stage, simulation, options, texture=None):
     for kind, lines, colour in (
         ("Guides", place.guides(), place.theme.guide),
         ("Areas", place.areas(), place.theme.exit),
+        ("GoalAreas", place.goal_areas(), place.theme.goal),
     ):
         if lines:
             _curves(stage, kind, lines, colour)
