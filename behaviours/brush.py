@@ -351,6 +351,12 @@ class BrushLibrary(FileLibrary):
             raise ProblemsError(missing)
         self._models = models
 
+    def with_files(self, files: Mapping[str, bytes]) -> BrushLibrary:
+        """The same with these brush files, by name, before all others."""
+        if not files:
+            return self
+        return BrushLibrary(self.folders, {**self._files, **files}, self._models, self.species)
+
     def path(self, name: str) -> Path:
         """The file of a brush (just its name when the file is embedded in a recording).
 

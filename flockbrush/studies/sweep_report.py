@@ -149,7 +149,7 @@ def show(sweep: Sweep, summary):
     numbers = [name for name in sweep.measures if name not in worded]
     plotted = [name for name in sweep.plot.measures if name in numbers] or numbers
     for shown, spread in ((numbers, True), (numbers, False), (plotted, True), (plotted, False)):  # as much as fits
-        columns = [*names, "runs", "a second", *shown]
+        columns = [*names, "runs", "runs/s/core", *shown]
         rows = [
             [
                 *_cells(scenario, names),

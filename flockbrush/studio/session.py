@@ -294,7 +294,7 @@ class Session(TickRunner, SessionFiles):
         """Begin anew with the level and the brushes as they are now; the run so far stays as a branch."""
         now, editor = self.timeline.current.beginning, self.editor
         try:
-            beginning = Beginning(self._level_now(), self.library, now.seed, now.agents)
+            beginning = Beginning(self._level_now(), self.brushes_known(), now.seed, now.agents)
             self._begin(beginning, editor.restarted(), self.simulation.world.resource(Palette).own)
         except ProblemsError as error:
             self._say("error", f"{error}\nThe level cannot start with this change; the run continues.")
@@ -304,7 +304,7 @@ class Session(TickRunner, SessionFiles):
         level = self.timeline.current.beginning.level
         if isinstance(self.editor, History):
             return level
-        return read_level_text(self.editor.text().encode(), self.path, self.library, level.files)
+        return read_level_text(self.editor.text().encode(), self.path, self.brushes_known(), level.files)
 
     def _begin(self, beginning, editor, brushes=()):
         """A branch with a beginning of its own, and these brushes in the hand; ProblemsError, and nothing changed."""

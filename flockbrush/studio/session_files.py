@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from flockbrush.behaviours.brush import SUFFIX, Brush, save_brush
+from flockbrush.behaviours.brush import SUFFIX, Brush, BrushLibrary, save_brush
 from flockbrush.behaviours.program import save_program, shipped_programs
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
@@ -26,6 +26,7 @@ from flockbrush.runs import run as running
 from flockbrush.studio.branches import Beginning, plain_name
 from flockbrush.studio.history import History
 from flockbrush.studio.recovery import RecoveryFolder
+from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs
 
 AUTOSAVE_SECONDS = 1.0  # s; what a crash may take at most
@@ -86,6 +87,8 @@ def _digest(data):
 class SessionFiles:
     """Methods of a session that read and write files."""
 
+    _tuned: frozenset[str] = frozenset()  # brushes of which it was told that no file has their numbers
+
     # the level -----------------------------------------------------------------
 
     @property
@@ -109,6 +112,7 @@ class SessionFiles:
             self._say("error", f"{error}\nThe level was not saved; your changes are kept in this window.")
             return False
         self._bring_along(to)
+        self._tell_tuned()
         self.path, self._file, self.lent = to, LevelFile(to), False
         for branch in self.branches.values():
             branch.outdated = branch is not self.timeline.current
@@ -116,15 +120,16 @@ class SessionFiles:
         return to
 
     def _bring_along(self, to):
-        """In another folder: brushes of one's own, and tilesets that are lost at the old place."""
-        if to.parent == self.path.parent and all((to.parent / name).exists() for name in self.level.files):
+        """In another folder: brushes of one's own, and tilesets that are lost at the old place; brushes of the run."""
+        known, library = brush_library(to).names(), self.brushes_known()
+        made = any(brush.name not in known for brush in self.simulation.world.resource(Palette).own)
+        if not made and to.parent == self.path.parent and all((to.parent / name).exists() for name in self.level.files):
             return
         try:
-            level = read_level_text(self.editor.text().encode(), to, self.library, self.level.files)
+            level = read_level_text(self.editor.text().encode(), to, library, self.level.files)
             files = dict(list(level.files.items())[1:])
-            known = brush_library(to).names()
             own = [name for name in brushes_used(level) if name not in known]
-            files |= {f"brushes/{name}{SUFFIX}": self.library.path(name).read_bytes() for name in own}
+            files |= {f"brushes/{name}{SUFFIX}": library.bytes_of(library.path(name)) for name in own}
             for name, data in files.items():
                 if (to.parent / name).exists():
                     if (to.parent / name).read_bytes() != data:
@@ -135,6 +140,19 @@ class SessionFiles:
                     write_bytes(to.parent / name, data, overwrite=False)
         except (ProblemsError, OSError) as error:
             self._say("warning", f"{to} was saved, but cannot be opened yet: {error}")
+
+    def _tell_tuned(self):
+        """Say once which brushes have other numbers here than in their files, which is what the level will have."""
+        tuned = set()
+        for brush in self.simulation.world.resource(Palette).own:
+            with suppress(ProblemsError):  # nobody's file, or one that cannot be read now
+                if self.library.get(brush.name) != brush:
+                    tuned.add(brush.name)
+        if tuned - self._tuned:
+            names = ", ".join(sorted(tuned))
+            told = f"{names}: changed in this run and not in the level, which has the brush files as they were"
+            self._say("warning", f"{told}; save changed brushes as new ones and paint with those to keep them")
+        self._tuned = frozenset(tuned)
 
     def changed_on_disk(self):
         """ "" as long as the level's file is as we know it, "changed" or "deleted" when another program did that."""
@@ -194,6 +212,12 @@ class SessionFiles:
             raise refused(folder, f"cannot be created: {error.strerror}") from None
         self.library = brush_library(self.path, self.level.files)
         return folder
+
+    def brushes_known(self) -> BrushLibrary:
+        """The library of the level, and the brushes that were made in the run and are in no file."""
+        known = self.library.names()
+        made = {b.name + SUFFIX: b.source for b in self.simulation.world.resource(Palette).own if b.name not in known}
+        return self.library.with_files(made)
 
     def save_brush(self, brush: Brush, overwrite=False):
         """Save a brush beside the level; the path, or None and a notice."""

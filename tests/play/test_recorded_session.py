@@ -3,12 +3,16 @@
 import numpy as np
 import pytest
 import typer
+from flockbrush.behaviours.brush import load_brush, shipped
+from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.engine.recording import RecordingError, open_recording
 from flockbrush.engine.state import state_hash
+from flockbrush.systems.commands import SetParameter
 from flockbrush.systems.edits import RemoveThing
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.obstacle_commands import AddObstacle
 from flockbrush.systems.paint_commands import PaintBrush
+from flockbrush.systems.undo import UseBrush
 from small_pasture import pasture, stroke, verified
 from typer.testing import CliRunner
 from window import Window
@@ -157,6 +161,36 @@ def test_a_level_as_it_was_earlier_lacks_what_was_built_later(worked_on):
 
 def test_what_the_script_of_a_level_does_is_no_change_of_the_level(session):
     assert session.timeline.current.commands and session.timeline.current.done_by_hand() == []
+
+
+def test_brushes_that_were_made_in_a_run_are_saved_beside_its_level(tmp_path):
+    for folder in ("made", "elsewhere"):
+        (tmp_path / folder).mkdir()
+    made = Session.open(pasture(tmp_path / "made"), state_folder=tmp_path / "state")
+    mine = shipped().get("swarm").model_copy(update={"name": "mine"})
+    assert made.do("make", [UseBrush("mine", brush_to_toml(mine))]) and made.do("paint", [stroke("mine", 6, 8, 3)])
+    made.restart()
+    made.step(4)
+    assert made.export_recording(tmp_path / "made.flock") and made.save()
+    recorded = open_recorded(tmp_path / "made.flock", tmp_path / "state")
+    assert recorded.save(tmp_path / "elsewhere" / "copy.tmj")
+    for session, file in ((made, made.path), (recorded, tmp_path / "elsewhere" / "copy.tmj")):
+        assert [notice.text for notice in session.notices() if notice.kind != "info"] == []
+        assert load_brush((file.parent / "brushes" / "mine.brush.toml").read_bytes(), "mine.brush.toml") == mine
+        assert CliRunner().invoke(cli, ["level", "check", str(file)]).exit_code == 0
+        session.close()
+
+
+def test_who_saves_a_level_is_told_once_that_changed_brushes_are_in_no_file(tmp_path):
+    session = Session.open(pasture(tmp_path), state_folder=tmp_path / "state")
+    said = lambda: [notice.text for notice in session.notices() if notice.kind == "warning"]  # noqa: E731
+    assert session.save() and said() == []
+    assert session.do("tune", [SetParameter("march", "cohesion_weight", 0.31)])
+    assert session.save()
+    assert [text.split(":")[0] for text in said()] == ["march"]
+    assert session.save() and said() == []
+    assert session.undo() and session.save() and said() == []
+    session.close()
 
 
 def test_what_a_level_cannot_hold_of_a_recorded_run_is_said(tmp_path):
