@@ -11,9 +11,9 @@
    (`flockbrush.learning.scores`; of single animals by the limits of `flockbrush.learning.battery`, too): once as far
    as the clip goes, and the better third (of draws a sixth) well beyond, so that a mill must keep milling and not only
    begin as one.
-5. **Evolution** of the best on the same trials, which also sets what the equations of the paper leave out: wander and
-   its time, how fast animals can turn and how fast they answer.  It begins with changes that leave the turns as likely
-   as they are.
+5. **Evolution** of the best two on the same trials, which also sets what the equations of the paper leave out: wander
+   and its time, how fast animals can turn and how fast they answer.  It begins with changes that leave the turns as
+   likely as they are; where turns are not seen, the better one goes on in the ticks of a level.
 6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
    shown; and of the first of these, whether they stay what the clip is for 20 s more, and with a quarter and four
    times as many animals.
@@ -36,13 +36,13 @@ import numpy as np
 
 from flockbrush.engine.fingerprint import build_of
 from flockbrush.film.observations import Evidence
-from flockbrush.learning.evolution import Evolution
+from flockbrush.learning.cloud import GENERATION, Cloud
 from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.herd_views import followed
 from flockbrush.learning.interaction import idle_ones
 from flockbrush.learning.learned_parameters import Attempt, Learned, forces_of, told_of
 from flockbrush.learning.rollout import DT, params_of
-from flockbrush.learning.search_space import Code, begins, rescaled, rotation_of, turn_limits
+from flockbrush.learning.search_space import begins, rescaled, rotation_of, turn_limits
 from flockbrush.learning.trials import (
     BEYOND,
     COARSE_DT,
@@ -66,7 +66,6 @@ from flockbrush.learning.trials import (
     scored,
     squares,
     stayed,
-    stiffness,
     trial,
     wandering,
 )
@@ -76,9 +75,7 @@ from flockbrush.runs.cluster import Cluster
 
 RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
-GENERATION = 8  # candidates
-STEP, WIDE_STEP = 0.1, 0.12  # of an evolution where turns say nothing; where fields alone say how animals turn
-GOOD, NARROW = 0.4, 0.2  # score from which on steps grow, to full ones at 1 more; least part of a step
+SETTLING = 0.4  # of the work of an evolution is done in the ticks of a level where turns are not seen
 DRAWS, QUICK_DRAWS, TWICE = 384, 64, 9  # random ones that are tried where a descent has only fields; most, tried again
 ONE_OF, ONE_OF_DRAWS = 3, 6  # of so many, one is tried to the end
 CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
@@ -340,45 +337,40 @@ class _Search:
         return kept
 
     def _evolve(self, workers):
-        """Evolve the best two as long as the budget lasts; the end of each is a new attempt."""
-        parents = self.ranked[:2]
-        finalists, dt = self._finals
+        """Evolve the best two as long as the budget lasts; without turns, the better in the ticks of a level."""
+        parents, (finalists, dt) = [self.attempts[k] for k in self.ranked[:2]], self._finals
         staying = 0.0 if self.quick else self.cost_of_keeping * KEEPERS
-        choice = self.cost * 2 * 3 * (finalists + 2 * len(parents)) * DT / dt + staying
-        work = self.cost * GENERATION * DT / COARSE_DT * len(parents)
-        generations = int((self.budget - choice) / work)
-        for number, parent in enumerate(parents):
-            if generations >= 2:
-                self._evolve_one(workers, parent, generations, number, len(parents))
+        left = self.budget - staying - self.cost * 2 * 3 * (finalists + 2 * len(parents)) * DT / dt
+        settling = SETTLING if self.by_fields and not self.quick else 0.0
+        coarse = int((1.0 - settling) * left / (self.cost * GENERATION * len(parents) * DT / COARSE_DT))
+        fine = int(settling * left / (self.cost * GENERATION))
+        if coarse < 2:
+            return
+        clouds = [Cloud.about(a, self.given, (self.seed, 3, k), self.by_fields) for k, a in enumerate(parents)]
+        total = coarse * len(parents) + fine
+        for number, cloud in enumerate(clouds):
+            self._generations(workers, cloud, COARSE_DT, range(number * coarse, (number + 1) * coarse), total)
+        if fine:
+            middles = [self._add(cloud.ends[0]) for cloud in clouds]
+            shown = self._judge(
+                workers, middles, [_seed(self.seed, 2, k) for k in (0, 1, 2)], False, "evolution", dt=DT
+            )
+            clouds = [clouds[int(np.argmin(shown))]]
+            clouds[0].settle()
+            self._generations(workers, clouds[0], DT, range(total - fine, total), total)
+        for cloud in clouds:
+            for end in cloud.ends:
+                self._add(end)
 
-    def _evolve_one(self, workers, parent, generations, number, many):
-        begin = self.attempts[parent]
-        code = Code(begin.theta, begin.extras, "angular" in self.given.use, self.by_fields)
-        step = WIDE_STEP if self.by_fields else STEP
-        width = step if self.by_fields else step * float(np.clip(begin.score - GOOD, NARROW, 1.0))
-        told = stiffness(self.given, begin.theta, begin.extras)
-        shape = None if told is None else code.shape(told, step)
-        cloud = Evolution(code.numbers, width, GENERATION, (self.seed, 3, number), shape)
-        worths, best = [begin.score], None
-        for g in range(generations):
-            asked = cloud.ask()
-            tasks = [
-                {"theta": theta, "extras": extras, "seeds": [_seed(self.seed, 4, g)], "held": False, "begin": g}
-                for theta, extras in map(code.read, asked)
-            ]
-            results = workers.map(attempt, tasks)
-            self.budget -= self.cost * len(tasks) * DT / COARSE_DT
-            cloud.tell([r["score"] for r in results])
-            first = int(np.argmin([r["score"] for r in results]))
-            if best is None or results[first]["score"] < best[0]:
-                best = results[first]["score"], asked[first]
-            worths.append(results[first]["score"])
-            done = number * generations + g + 1
-            self.say(done, many * generations, float(min(worths)), "evolution")
-        for text, numbers in (("evolved", np.clip(cloud.mean, 0, 1)), ("evolved, luckiest", best[1])):
-            theta, extras = code.read(numbers)
-            curve = np.array(worths)
-            self._add(Attempt(f"{begin.name}, {text}", begin.seed, begin.first_theta, np.array(theta), extras, curve))
+    def _generations(self, workers, cloud, dt, numbers, total):
+        """Let a cloud evolve in ticks of so many seconds, for these of all generations."""
+        for g, number in enumerate(numbers):
+            asked, read = cloud.ask()
+            how = {"seeds": [_seed(self.seed, 4, g)], "held": False, "dt": dt, "begin": g}
+            found = workers.map(attempt, [{"theta": theta, "extras": extras} | how for theta, extras in read])
+            self.budget -= self.cost * len(read) * DT / dt
+            cloud.tell(asked, [result["score"] for result in found])
+            self.say(number + 1, total, min(cloud.worths), "evolution")
 
     @property
     def _finals(self):
