@@ -13,7 +13,7 @@
    begin as one.
 5. **Evolution** of the best two on the same trials, which also sets what the equations of the paper leave out: wander
    and its time, how fast animals can turn and how fast they answer.  It begins with changes that leave the turns as
-   likely as they are; where turns are not seen, the better one goes on in the ticks of a level.
+   likely as they are; of photographs, the better one goes on in the ticks of a level.
 6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
    shown; and of the first of these, whether they stay what the clip is for 20 s more, and with a quarter and four
    times as many animals.
@@ -75,7 +75,7 @@ from flockbrush.runs.cluster import Cluster
 
 RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
-SETTLING = 0.4  # of the work of an evolution is done in the ticks of a level where turns are not seen
+SETTLING = 0.4  # of the work of an evolution of photographs is done in the ticks of a level
 DRAWS, QUICK_DRAWS, TWICE = 384, 64, 9  # random ones that are tried where a descent has only fields; most, tried again
 ONE_OF, ONE_OF_DRAWS = 3, 6  # of so many, one is tried to the end
 CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
@@ -159,6 +159,7 @@ class _Search:
         self.given, self.seed, self.say = given, settings.seed, say
         self.quick = settings.quick
         self.by_fields = any(not followed(clip) for clip in given.clips)
+        self.of_photos = not any(clip.fields.tells_motion for clip in given.clips)
         self.attempts: list[Attempt] = []
         self.fitted: list[int] = []  # attempts whose forces come from a fit to turns
         self.budget = settings.budget_s * RATE
@@ -337,11 +338,11 @@ class _Search:
         return kept
 
     def _evolve(self, workers):
-        """Evolve the best two as long as the budget lasts; without turns, the better in the ticks of a level."""
+        """Evolve the best two as long as the budget lasts; of photographs, the better in the ticks of a level."""
         parents, (finalists, dt) = [self.attempts[k] for k in self.ranked[:2]], self._finals
         staying = 0.0 if self.quick else self.cost_of_keeping * KEEPERS
         left = self.budget - staying - self.cost * 2 * 3 * (finalists + 2 * len(parents)) * DT / dt
-        settling = SETTLING if self.by_fields and not self.quick else 0.0
+        settling = SETTLING if self.of_photos and not self.quick else 0.0
         coarse = int((1.0 - settling) * left / (self.cost * GENERATION * len(parents) * DT / COARSE_DT))
         fine = int(settling * left / (self.cost * GENERATION))
         if coarse < 2:

@@ -233,8 +233,8 @@ def test_evolution_begins_with_changes_that_leave_turns_as_they_are():
     assert evolution.ask().std(0)[:3] == pytest.approx(spread[:3], rel=0.2)
 
 
-@pytest.mark.parametrize(("sight", "quick"), [(False, False), (False, True), (True, False)])
-def test_where_turns_are_not_seen_the_better_of_two_evolves_on_in_the_ticks_of_a_level(clip, sight, quick, monkeypatch):
+@pytest.mark.parametrize(("moves", "quick"), [(False, False), (False, True), (True, False)])
+def test_of_a_photograph_the_better_of_two_evolves_on_in_the_ticks_of_a_level(clip, moves, quick, monkeypatch):
     asked = []
 
     def tried(given, theta, extras, seeds, held, dt, begin):
@@ -243,7 +243,8 @@ def test_where_turns_are_not_seen_the_better_of_two_evolves_on_in_the_ticks_of_a
 
     monkeypatch.setattr(recipe, "attempt", tried)
     monkeypatch.setattr(recipe._Search, "_judge", lambda *_, **how: np.array([2.0, 1.0]))
-    seen = clip if sight else dataclasses.replace(clip, sightings=None)
+    unknown = dataclasses.replace(clip.fields, velocity=np.full_like(clip.fields.velocity, np.nan))
+    seen = dataclasses.replace(clip, sightings=None, fields=clip.fields if moves else unknown)
     settings = dataclasses.replace(FEW, quick=quick, budget_s=40.0)
     search = recipe._Search(Setting.of((seen,), settings), settings, recipe._silent)
     middle = np.full(12, 0.5)
@@ -254,7 +255,7 @@ def test_where_turns_are_not_seen_the_better_of_two_evolves_on_in_the_ticks_of_a
     ends = [end.name for end in search.attempts[2:]]
     coarse, fine = asked.count(COARSE_DT), asked.count(DT)
     assert asked == [COARSE_DT] * coarse + [DT] * fine and coarse >= 4 * GENERATION
-    if sight or quick:
+    if moves or quick:
         assert fine == 0 and ends == [f"{name}, evolved{how}" for name in "ab" for how in ("", ", luckiest")]
     else:
         assert fine >= GENERATION

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from flockbrush.systems.contact import DEFLECT, SKIN, _nearest
+from flockbrush.systems.contact import DEFLECT, SKIN, nearest_of_segments_
 
 from flockbrush.learning.perceive import Percept
 from flockbrush.learning.torch_herd import DT, SENSITIVITY, TorchPercept, _unit_or, device_of, headings
@@ -31,7 +31,7 @@ def contacts_of(percept: Percept, half, radius, device=None) -> Contacts:
     for m in close:
         i, j = rows[m], percept.near[m]
         f, g = percept.forward[i], percept.forward[j]
-        ox, oy = _nearest(0.0, 0.0, f[0], f[1], half, *percept.offset[m], g[0], g[1], half)
+        ox, oy = nearest_of_segments_(0.0, 0.0, f[0], f[1], half, *percept.offset[m], g[0], g[1], half)
         d = float(np.hypot(ox, oy))
         room = DEFLECT * (1.0 - (d - touch) / (SKIN * touch))
         if d > 1e-12 and room > 0.0:
