@@ -411,8 +411,8 @@ def distance(run: Run, evidence: Evidence, target: ClipTarget, lasting=False) ->
         if np.isfinite(target.mean[name]):
             out[name] = _off_in_the_end(seen[name], target, name) if lasting else _off(seen[name], target, name)
     if np.isfinite(target.directions):
-        looks = range(len(run) // 3, len(run), max(1, len(run) // 8))
-        lie = _mean(variance_of_run(run, evidence.fields, looks))
+        moments = range(len(run) // 3, len(run), max(1, len(run) // 8))
+        lie = _mean(variance_of_run(run, evidence.fields, moments))
         off = abs(np.log((lie + LEAST_LYING) / (target.directions + LEAST_LYING)))
         out["directions"] = float(np.nan_to_num(min(off / LYING, FARTHEST), nan=FARTHEST))
     if np.isfinite(target.spacing).all():

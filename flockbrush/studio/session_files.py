@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from flockbrush.behaviours.brush import SUFFIX, Brush, BrushLibrary, save_brush
+from flockbrush.behaviours.brush import SUFFIX, Brush, save_brush
 from flockbrush.behaviours.program import save_program, shipped_programs
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
@@ -213,7 +213,7 @@ class SessionFiles:
         self.library = brush_library(self.path, self.level.files)
         return folder
 
-    def brushes_known(self) -> BrushLibrary:
+    def brushes_known(self):
         """The library of the level, and the brushes that were made in the run and are in no file."""
         known = self.library.names()
         made = {b.name + SUFFIX: b.source for b in self.simulation.world.resource(Palette).own if b.name not in known}
