@@ -409,6 +409,22 @@ def test_a_goal_that_lies_around_a_place_is_held_by_its_flag_and_edge_and_not_in
     assert np.allclose(goals(window)["ring"].polygon, np.array(ring) + [1.0, 0.5], atol=0.2)
 
 
+def test_a_goal_that_is_dragged_is_shown_as_it_will_lie(window, monkeypatch):
+    triangle = np.array([[4.0, 3.0], [9.0, 3.0], [4.0, 8.0]])
+    assert window.session.do("a", [PlaceGoal(window.new_id(), "area", 6.0, 5.0, points=triangle.tolist())])
+    assert window.session.do("b", [PlaceGoal(window.new_id(), "place", 16.0, 10.0, 2.0)])
+    window.key("h")
+    shown = []
+    monkeypatch.setattr(window.tool, "path", lambda *how: shown.append((how[2], how[4])))
+    for name in ("area", "place"):
+        at, around = sign_of(goals(window)[name]), outline("goal", goals(window)[name])[0]
+        window.drag(tuple(at), tuple(at + [1.0, 0.5]), tuple(at + [3.0, 1.0]))
+        assert shown and all(closed for _, closed in shown)
+        assert np.allclose(shown[-1][0], around + [3.0, 1.0], atol=0.2)
+        assert np.allclose(outline("goal", goals(window)[name])[0], shown[-1][0], atol=0.2)
+        shown.clear()
+
+
 # all of them -----------------------------------------------------------------------------
 
 

@@ -379,10 +379,10 @@ class GoalTool(SpanTool):
             return
         a, b = self.points
         if self.held is not None:
-            a = (self.held.xy[0] + b[0] - a[0], self.held.xy[1] + b[1] - a[1])
-            radius = self.held.radius
-        else:
-            radius = float(np.hypot(b[0] - a[0], b[1] - a[1]))
+            around, closed = outline("goal", self.held)
+            self.path(surface, camera, around + np.subtract(b, a), self.app.theme.goal, closed)
+            return
+        radius = float(np.hypot(b[0] - a[0], b[1] - a[1]))
         self.circle(surface, camera, a, max(3.0 / camera.scale_at(a), radius), self.app.theme.goal, 2)
 
 
