@@ -6,8 +6,9 @@ The known herds use five shipped brushes with capsules as bodies: march, filled 
 100 animals each (the mill 150).  Mills with discs as bodies are left out: most herds of 100 and 150 lock (nearest
 neighbour at .50, two radii) within the predicted 20 s in some runs and not in others.  The hollow mill is left out
 too: with 100 animals it stays a mill in one run of five.  The filled mill is filmed after 45 s, when seven of the herds
-1 to 8 mill.  Learning sees four seconds of each herd
-and does not use the shipped brushes as starts; there are five seeds, each with its own random starts.
+1 to 8 mill.  Learning sees four seconds of each herd and does not use the shipped brushes as starts; there are five
+seeds, each with its own random starts, about as many as `learn` begins with: from most starts, a fit to the turns of
+a swarm ends at a lower maximum.
 
 * ``floor``: the true parameters with another seed, started as the herd was observed.  This is the best possible
   result.  ``floor-fields`` starts as the fields alone were observed.
@@ -39,6 +40,7 @@ TRUTHS = {  # start, heading in rad (None: random), and seconds until the patter
 }
 ANIMALS = {"mill-filled": 150}  # with other numbers, runs of the original differ by more than is allowed
 SEEDS = 5
+STARTS, FIELD_STARTS = 20, 5  # random ones; `learn` has 29 with the shipped brushes, and draws where only fields are
 HERD = 12  # the seed of the herds that results are stored of; others are for development
 FPS, SECONDS, FUTURES = 25.0, 4.0, 8
 FRESH, SINCE = 20.0, 5.0  # s
@@ -56,6 +58,7 @@ def add(commands):
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--herd", type=int, default=HERD, metavar="SEED", help=f"of the known herds; {HERD} is judged")
     parser.add_argument("--animals", type=int, default=None, help="default: 100, and 150 in the mill")
+    parser.add_argument("--starts", type=int, default=None, help=f"default: {STARTS}, of fields {FIELD_STARTS}")
     parser.add_argument("--budget", type=float, default=90.0, help="seconds of trials and evolution, counted in work")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
@@ -199,7 +202,9 @@ def _recipe(case, clip, seed, options):
     from flockbrush.learning.rollout import theta_of
 
     begun = time.perf_counter()
-    found = learn(clip, SearchSettings(seed, budget_s=options.budget, brushes=False), jobs=options.jobs)
+    starts = options.starts or (FIELD_STARTS if clip.sightings is None else STARTS)
+    settings = SearchSettings(seed, starts, budget_s=options.budget, brushes=False)
+    found = learn(clip, settings, jobs=options.jobs)
     truth = theta_of(case.brush.params)
     error = np.abs(forces_of(found.theta, found.extras) - truth)
     result = judged(fresh(case, clip, found.params, found.speed, found.body, found.vision, 200 + seed), case.future)
