@@ -370,7 +370,7 @@ def spacings(looks) -> np.ndarray:
 def _directions(evidence):
     """Variance of directions in a photograph, degrees²; NaN for a video, whose motion shows more."""
     fields = evidence.fields
-    if np.isfinite(fields.velocity).any() or not np.isfinite(fields.angular_variance).any():
+    if fields.tells_motion or not np.isfinite(fields.angular_variance).any():
         return np.nan
     return variance_told(evidence)
 

@@ -112,7 +112,7 @@ class SessionFiles:
             self._say("error", f"{error}\nThe level was not saved; your changes are kept in this window.")
             return False
         self._bring_along(to)
-        self._tell_tuned()
+        self._tell_tuned(brush_library(to))
         self.path, self._file, self.lent = to, LevelFile(to), False
         for branch in self.branches.values():
             branch.outdated = branch is not self.timeline.current
@@ -141,12 +141,12 @@ class SessionFiles:
         except (ProblemsError, OSError) as error:
             self._say("warning", f"{to} was saved, but cannot be opened yet: {error}")
 
-    def _tell_tuned(self):
+    def _tell_tuned(self, library):
         """Say once which brushes have other numbers here than in their files, which is what the level will have."""
         tuned = set()
         for brush in self.simulation.world.resource(Palette).own:
             with suppress(ProblemsError):  # nobody's file, or one that cannot be read now
-                if self.library.get(brush.name) != brush:
+                if library.get(brush.name) != brush:
                     tuned.add(brush.name)
         if tuned - self._tuned:
             names = ", ".join(sorted(tuned))

@@ -172,6 +172,9 @@ def test_brushes_that_were_made_in_a_run_are_saved_beside_its_level(tmp_path):
     made.restart()
     made.step(4)
     assert made.export_recording(tmp_path / "made.flock") and made.save()
+    saved = [notice.text for notice in made.notices() if notice.kind == "warning"]
+    assert made.do("tune", [SetParameter("mine", "cohesion_weight", 0.31)]) and made.save()
+    assert saved == [] and [n.text.split(":")[0] for n in made.notices() if n.kind == "warning"] == ["mine"]
     recorded = open_recorded(tmp_path / "made.flock", tmp_path / "state")
     assert recorded.save(tmp_path / "elsewhere" / "copy.tmj")
     for session, file in ((made, made.path), (recorded, tmp_path / "elsewhere" / "copy.tmj")):
