@@ -148,7 +148,9 @@ def show(sweep: Sweep, summary):
     worded = [name for name in sweep.measures if any(name in s["shares"] for s in summary["scenarios"])]
     numbers = [name for name in sweep.measures if name not in worded]
     plotted = [name for name in sweep.plot.measures if name in numbers] or numbers
-    for shown, spread in ((numbers, True), (numbers, False), (plotted, True), (plotted, False)):  # as much as fits
+    fewer = [(plotted[:count], False) for count in range(len(plotted) - 1, 0, -1)]
+    as_much_as_fits = (numbers, True), (numbers, False), (plotted, True), (plotted, False), *fewer
+    for shown, spread in as_much_as_fits:
         columns = [*names, "runs", "runs/s/core", *shown]
         rows = [
             [
@@ -168,6 +170,9 @@ def show(sweep: Sweep, summary):
     for column in means.columns:
         column.no_wrap = column.justify == "right"
     print_table(means)
+    if len(shown) < len(plotted):
+        missing = len(plotted) - len(shown)
+        print_line(f"the table has no room for {missing} of {len(plotted)} measures; they are in summary.json")
     for name in worded:
         _show_shares(summary, names, name)
     if summary["expected"]:

@@ -174,3 +174,18 @@ def test_what_lasts_in_a_flock_that_never_settles_is_measured():
     assert found["v_like"] == pytest.approx(6 / 8)
     assert found["persistence"] == pytest.approx(80 / 3)  # V, several groups, V
     assert found["mean_groups"] == pytest.approx((6 * 1 + 2 * 2) / 8)
+
+
+def test_a_table_that_is_too_wide_leaves_measures_out_and_says_so(cli, tmp_path):
+    path = tmp_path / "wide.sweep.toml"
+    path.write_text(
+        'schema = "flockbrush.sweep/1"\nexperiment = "level"\n[seeds]\ncount = 1\n'
+        '[fixed]\nlevel = "meadow"\nseconds = 0.25\n[grid]\nagents = [5, 10]\n'
+    )
+    told = cli("sweep", path, "--out", tmp_path / "out", "--jobs", 1)
+    assert told.code == 0, told.err
+    lines = told.out.splitlines()
+    head = next(line for line in lines if "polarization" in line)
+    assert head.split()[:3] == ["agents", "runs", "runs/s/core"] and max(map(len, lines)) <= 160
+    assert [line.split()[0] for line in lines if line.split()[1:2] == ["1"]] == ["5", "10"]
+    assert "the table has no room for" in told.out and "summary.json" in told.out
