@@ -14,7 +14,6 @@ from flockbrush.learning.trials import Setting, stiffness
 GENERATION = 8  # candidates
 STEP, WIDE_STEP = 0.1, 0.12  # of an evolution where turns say nothing; where fields alone say how animals turn
 GOOD, NARROW = 0.4, 0.2  # score from which on steps grow, to full ones at 1 more; least part of a step
-SETTLING_STEP = 0.5  # of the first steps, from which an evolution goes on in the ticks of a level
 
 
 @dataclass
@@ -24,11 +23,9 @@ class Cloud:
     begin: Attempt
     code: Code
     evolution: Evolution
-    width: float  # of the first generation
     worths: list[float]  # of the beginning, and of the best of each generation
     luckiest: np.ndarray  # numbers of the best candidate so far
     least: float = np.inf  # its score
-    text: str = "evolved"
 
     @classmethod
     def about(cls, begin: Attempt, given: Setting, seed: tuple[int, ...], by_fields: bool) -> Cloud:
@@ -39,7 +36,7 @@ class Cloud:
         told = stiffness(given, begin.theta, begin.extras)
         shape = None if told is None else code.shape(told, step)
         evolution = Evolution(code.numbers, width, GENERATION, seed, shape)
-        return cls(begin, code, evolution, width, [begin.score], code.numbers)
+        return cls(begin, code, evolution, [begin.score], code.numbers)
 
     def ask(self) -> tuple[np.ndarray, list]:
         """The numbers of a generation, (GENERATION, d), and its (theta, extras)."""
@@ -54,15 +51,10 @@ class Cloud:
         if scores[first] < self.least:
             self.least, self.luckiest = scores[first], asked[first]
 
-    def settle(self) -> None:
-        """Go on in the ticks of a level, where scores are others: nobody is luckiest yet, and steps are wide again."""
-        self.evolution.step = max(self.evolution.step, SETTLING_STEP * self.width)
-        self.least, self.luckiest, self.text = np.inf, self.evolution.mean, "evolved, settled"
-
     @property
     def ends(self) -> list[Attempt]:
         """What comes of it: the middle, and the luckiest candidate."""
-        return [self._end(self.text, self.evolution.mean), self._end(f"{self.text}, luckiest", self.luckiest)]
+        return [self._end("evolved", self.evolution.mean), self._end("evolved, luckiest", self.luckiest)]
 
     def _end(self, text, numbers):
         theta, extras = self.code.read(np.clip(numbers, 0.0, 1.0))

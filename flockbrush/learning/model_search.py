@@ -24,7 +24,6 @@ from flockbrush.learning.initial_conditions import own_speed
 from flockbrush.learning.learned_parameters import Attempt
 from flockbrush.learning.likelihood import read
 from flockbrush.learning.next_step import NextSteps
-from flockbrush.learning.rollout import DT
 from flockbrush.learning.search_space import EXTRAS, STEP_OF_EXTRAS
 from flockbrush.learning.trials import OTHER_NUMBERS, SearchSettings, Setting, attempt, forget, keep, stayed
 from flockbrush.learning.workers import Workers
@@ -47,7 +46,6 @@ class ModelSetting(Setting):
     """What trials of another model are given."""
 
     wander_times: ClassVar[np.ndarray] = TURN_TIMES
-    wander_dt: ClassVar[float] = DT  # in coarse ticks, turns of one tick show less than in those of a level
 
     view: VisionSpec = VisionSpec()  # noqa: RUF009  frozen
     base: Any = None  # parameters of the model; those that are not searched for keep these values
@@ -185,8 +183,8 @@ def _place(x):
 
 
 def _task(x, seeds, held=False, begin=0):
-    """An `attempt` in the ticks of a level: in coarse ones, herds whose turns last for one tick behave otherwise."""
-    return {**_place(x), "seeds": seeds, "held": held, "begin": begin, "dt": DT}
+    """An `attempt`."""
+    return {**_place(x), "seeds": seeds, "held": held, "begin": begin}
 
 
 def _judged(workers, ends, seed) -> list[Attempt]:

@@ -13,7 +13,7 @@
    begin as one.
 5. **Evolution** of the best two on the same trials, which also sets what the equations of the paper leave out: wander
    and its time, how fast animals can turn and how fast they answer.  It begins with changes that leave the turns as
-   likely as they are; of photographs, the better one goes on in the ticks of a level.
+   likely as they are.
 6. The choice among the best and the evolved: on the last part of the frames, which neither descent nor evolution was
    shown; and of the first of these, whether they stay what the clip is for 20 s more, and with a quarter and four
    times as many animals.
@@ -45,7 +45,6 @@ from flockbrush.learning.rollout import DT, params_of
 from flockbrush.learning.search_space import begins, rescaled, rotation_of, turn_limits
 from flockbrush.learning.trials import (
     BEYOND,
-    COARSE_DT,
     FEWEST,
     MANY,
     MOST_WANDER,
@@ -75,7 +74,7 @@ from flockbrush.runs.cluster import Cluster
 
 RATE = 280_000  # animal ticks that count as a second
 ALWAYS = 100  # animals whose work a tick costs besides
-SETTLING = 0.4  # of the work of an evolution of photographs is done in the ticks of a level
+LONGER = 2.0  # times the budget where only fields or a photograph tell of candidates, most of which are far off
 DRAWS, QUICK_DRAWS, TWICE = 384, 64, 9  # random ones that are tried where a descent has only fields; most, tried again
 ONE_OF, ONE_OF_DRAWS = 3, 6  # of so many, one is tried to the end
 CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
@@ -159,10 +158,9 @@ class _Search:
         self.given, self.seed, self.say = given, settings.seed, say
         self.quick = settings.quick
         self.by_fields = any(not followed(clip) for clip in given.clips)
-        self.of_photos = not any(clip.fields.tells_motion for clip in given.clips)
         self.attempts: list[Attempt] = []
         self.fitted: list[int] = []  # attempts whose forces come from a fit to turns
-        self.budget = settings.budget_s * RATE
+        self.budget = settings.budget_s * RATE * (LONGER if self.by_fields else 1.0)
         if settings.begins is None:
             draws, spin = (QUICK_DRAWS if self.quick else DRAWS) if self.by_fields else 0, rotation_of(given.seen)
             self.begins = begins(settings.seed, settings.starts, "angular" in given.use, settings.brushes, draws, spin)
@@ -278,11 +276,11 @@ class _Search:
             self.fitted.append(len(self.attempts) - 1)
         return len(self.attempts) - 1
 
-    def _judge(self, workers, which, seeds, held, text, over=None, dt=COARSE_DT):
+    def _judge(self, workers, which, seeds, held, text, over=None):
         """Try some attempts; their scores."""
         shown, total = over or (0, len(which))
         tasks = [
-            self._trial(k, seed, held, lasting, dt, 0 if held else turn)
+            self._trial(k, seed, held, lasting, 0 if held else turn)
             for k in which
             for turn, seed in enumerate(seeds)
             for lasting in (False, True)
@@ -290,19 +288,19 @@ class _Search:
         each = 2 * len(seeds)
         told = lambda done: self.say(shown + done // each, total, self._best_score(), text)  # noqa: E731
         found = workers.map(trial, tasks, told)
-        self.budget -= self.cost * len(seeds) * len(which) * DT / dt
+        self.budget -= self.cost * len(seeds) * len(which)
         for at, k in enumerate(which):
             runs = found[at * each : (at + 1) * each]
             result = scored(list(zip(runs[::2], runs[1::2], strict=True)))
             self.attempts[k].score, self.attempts[k].figures = result["score"], result["figures"]
         return np.array([self.attempts[k].score for k in which])
 
-    def _trial(self, k, seed, held, lasting, dt=COARSE_DT, begin=0):
+    def _trial(self, k, seed, held, lasting, begin=0):
         """The task of one `trial`."""
         a = self.attempts[k]
         return {
             "theta": np.round(a.theta, 12).tolist(), "extras": a.extras, "seed": seed, "held": held,
-            "lasting": lasting, "dt": dt, "begin": begin,
+            "lasting": lasting, "begin": begin,
         }  # fmt: skip
 
     def _best_score(self):
@@ -319,7 +317,7 @@ class _Search:
         many, some = max(4, min(TWICE, len(which) // 3)), max(4, -(-len(which) // one_of))
         kept = [which[k] for k in np.argsort(far, kind="stable")[:some]]
         scores = self._judge(workers, kept, [seed], False, "trials")
-        self.budget -= self.cost_beside * (len(which) - len(kept)) * DT / COARSE_DT
+        self.budget -= self.cost_beside * (len(which) - len(kept))
         better = [kept[k] for k in np.argsort(scores, kind="stable")[:many]]
         again = [_seed(self.seed, 2, k) for k in (0, 1, 2)]
         self._judge(workers, better, again, False, "trials of the best candidates")
@@ -338,54 +336,38 @@ class _Search:
         return kept
 
     def _evolve(self, workers):
-        """Evolve the best two as long as the budget lasts; of photographs, the better in the ticks of a level."""
-        parents, (finalists, dt) = [self.attempts[k] for k in self.ranked[:2]], self._finals
+        """Evolve the best two as long as the budget lasts."""
+        parents = [self.attempts[k] for k in self.ranked[:2]]
         staying = 0.0 if self.quick else self.cost_of_keeping * KEEPERS
-        left = self.budget - staying - self.cost * 2 * 3 * (finalists + 2 * len(parents)) * DT / dt
-        settling = SETTLING if self.of_photos and not self.quick else 0.0
-        coarse = int((1.0 - settling) * left / (self.cost * GENERATION * len(parents) * DT / COARSE_DT))
-        fine = int(settling * left / (self.cost * GENERATION))
-        if coarse < 2:
+        left = self.budget - staying - self.cost * 2 * 3 * (self._finalists + 2 * len(parents))
+        generations = int(left / (self.cost * GENERATION * len(parents)))
+        if generations < 2:
             return
-        clouds = [Cloud.about(a, self.given, (self.seed, 3, k), self.by_fields) for k, a in enumerate(parents)]
-        total = coarse * len(parents) + fine
-        for number, cloud in enumerate(clouds):
-            self._generations(workers, cloud, COARSE_DT, range(number * coarse, (number + 1) * coarse), total)
-        if fine:
-            middles = [self._add(cloud.ends[0]) for cloud in clouds]
-            shown = self._judge(
-                workers, middles, [_seed(self.seed, 2, k) for k in (0, 1, 2)], False, "evolution", dt=DT
-            )
-            clouds = [clouds[int(np.argmin(shown))]]
-            clouds[0].settle()
-            self._generations(workers, clouds[0], DT, range(total - fine, total), total)
-        for cloud in clouds:
+        for number, parent in enumerate(parents):
+            cloud = Cloud.about(parent, self.given, (self.seed, 3, number), self.by_fields)
+            for g in range(generations):
+                asked, read = cloud.ask()
+                how = {"seeds": [_seed(self.seed, 4, g)], "held": False, "begin": g}
+                found = workers.map(attempt, [{"theta": theta, "extras": extras} | how for theta, extras in read])
+                self.budget -= self.cost * len(read)
+                cloud.tell(asked, [result["score"] for result in found])
+                done = number * generations + g + 1
+                self.say(done, generations * len(parents), min(cloud.worths), "evolution")
             for end in cloud.ends:
                 self._add(end)
 
-    def _generations(self, workers, cloud, dt, numbers, total):
-        """Let a cloud evolve in ticks of so many seconds, for these of all generations."""
-        for g, number in enumerate(numbers):
-            asked, read = cloud.ask()
-            how = {"seeds": [_seed(self.seed, 4, g)], "held": False, "dt": dt, "begin": g}
-            found = workers.map(attempt, [{"theta": theta, "extras": extras} | how for theta, extras in read])
-            self.budget -= self.cost * len(read) * DT / dt
-            cloud.tell(asked, [result["score"] for result in found])
-            self.say(number + 1, total, min(cloud.worths), "evolution")
-
     @property
-    def _finals(self):
-        """(how many of those that are not evolved come into the choice, s to a tick there)."""
-        return (QUICK_FINALISTS, COARSE_DT) if self.quick else (FINALISTS, DT)
+    def _finalists(self):
+        """How many of those that are not evolved come into the choice."""
+        return QUICK_FINALISTS if self.quick else FINALISTS
 
     def _choose(self, workers):
         """The best on what was held back, of the ranked and the evolved."""
         evolved = [k for k, a in enumerate(self.attempts) if ", evolved" in a.name]
-        finalists, dt = self._finals
-        final = [*self.ranked[:finalists], *self._interacting(workers, evolved)]
+        final = [*self.ranked[: self._finalists], *self._interacting(workers, evolved)]
         seeds = [_seed(self.seed, 5, k) for k in range(3)]
-        shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)), dt)
-        held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)), dt)
+        shown = self._judge(workers, final, seeds, False, "choice", (0, 2 * len(final)))
+        held = self._judge(workers, final, seeds, True, "choice", (len(final), 2 * len(final)))
         scores = {k: float(np.sqrt(0.5 * a**2 + 0.5 * b**2)) for k, a, b in zip(final, shown, held, strict=True)}
         for k in final:
             self.attempts[k].score = scores[k]

@@ -287,8 +287,10 @@ class PlaneHerd:
         Its gates are for `rollout`.
     """
 
-    def __init__(self, start, params, speed, body=BODY, vision=VISION, *, seed=0, dt=DT, ids=None, around=OPEN):
-        self.params, self.spec, self.dt, self.noise = params, speed, dt, Noise(seed)
+    dt = DT
+
+    def __init__(self, start, params, speed, body=BODY, vision=VISION, *, seed=0, ids=None, around=OPEN):
+        self.params, self.spec, self.noise = params, speed, Noise(seed)
         self.axis, self.radius = half_and_radius(body)
         self.range, self.vision = float(vision.range), vision
         self.occlusion = vision.occlusion and vision.sight not in BODILESS
@@ -429,7 +431,7 @@ class PlaneHerd:
             pause(0, n, walkers, self.pace_rules, was, walking, key("pause", self.tick_number), self.dt, self.pace)
 
 
-def rollout(start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0, seed=0, dt=DT, around=OPEN) -> Run:
+def rollout(start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0, seed=0, around=OPEN) -> Run:
     """Run a herd and look at it frame by frame.
 
     Parameters
@@ -441,19 +443,17 @@ def rollout(start, params, speed, body=BODY, vision=VISION, *, seconds, fps=25.0
         Frames are at 0, 1/fps ... up to ``seconds``; between two ticks positions are interpolated.
     seed : int
         Of the noise.
-    dt : float
-        Seconds to a tick.
     around : Surroundings
     """
     if not isinstance(params, Parameters):
         params = params_of(params)
     if needs_world(params):
-        return _run_of(world_looks(start, params, speed, body, vision, seconds, fps, seed, around, dt), fps)
-    herd = PlaneHerd(start, params, speed, body, vision, seed=seed, dt=dt, around=around)
+        return _run_of(world_looks(start, params, speed, body, vision, seconds, fps, seed, around), fps)
+    herd = PlaneHerd(start, params, speed, body, vision, seed=seed, around=around)
     frames = int(seconds * fps + 1e-6) + 1
     looks = [_look(herd)]
     for k in range(1, frames):
-        after, before = k / fps / dt, None
+        after, before = k / fps / DT, None
         while herd.tick_number < after - 1e-9:
             before = _look(herd)
             herd.tick()

@@ -23,7 +23,7 @@ from flockbrush.learning.initial_conditions import body_of, resized_among, speed
 from flockbrush.learning.interaction import interaction_of
 from flockbrush.learning.learned_parameters import forces_of
 from flockbrush.learning.response import SPAN, correction, response, scatters, turns_seen
-from flockbrush.learning.rollout import DT, LEAST, MOST, Surroundings, params_of, rollout
+from flockbrush.learning.rollout import LEAST, MOST, Surroundings, params_of, rollout
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
@@ -49,10 +49,9 @@ OFF = "of its limit, "  # before the name of a measure of the battery: how many 
 LIMIT = 2.0  # deviations that count as much as a limit of the battery
 MOST_WANDER, WANDERS = 2.5, 1.5  # rad/√s; s of a herd by which it is found
 TURN_SPANS = SPAN, 0.5  # s over which random turns are looked at
-WANDER_TIMES = np.geomspace(0.125, 2.0, 33)  # s for which random turns may go on: two coarse ticks or more
+WANDER_TIMES = np.geomspace(0.125, 2.0, 33)  # s for which random turns may go on: four ticks of a level or more
 CLOSER = 3  # times that random turns are corrected
 ANSWERS = 2  # runs by which numbers are corrected
-COARSE_DT = 1 / 16  # s to a tick in the search; the choice is made with that of a level
 STAY = 20.0  # s
 OTHER_NUMBERS = 0.25, 4.0  # factors of the number of animals
 LOST = 4.0  # deviations from what it was, from which on a herd is just another one
@@ -88,8 +87,7 @@ class SearchSettings:
     device : str
         Of descents on fields alone, which need torch: "cpu", "cuda", or "auto" for a graphics card where there is one.
     quick : bool
-        Only the random starts are fitted and fewer candidates tried, all with coarse ticks; nobody asks whether they
-        stay what they are.
+        Only the random starts are fitted and fewer candidates tried; nobody asks whether they stay what they are.
     """
 
     seed: int = 0
@@ -110,7 +108,6 @@ class Setting:
     """What all tasks are given: the clips, and what follows from them directly."""
 
     wander_times: ClassVar[np.ndarray] = WANDER_TIMES  # s for which random turns may go on
-    wander_dt: ClassVar[float] = COARSE_DT  # s to a tick of the herds by which they are found
     clips: tuple  # of Evidence, all frames
     seen: tuple  # of Evidence, without what is held back
     held: tuple  # of Evidence, what is held back
@@ -200,7 +197,7 @@ def chance_found(given: Setting, theta, extras, seed) -> dict[str, float]:
         """(2 spans, 2): of the clips, and of a herd that wanders so much."""
         brush, found = given.brush(theta, extras | {"wander": wander, "wander_time": time}), []
         for k, clip in enumerate(parts):
-            run = simulate(clip, brush.params, brush.speed, given.body, brush.vision, [seed, k, 3], dt=given.wander_dt)
+            run = simulate(clip, brush.params, brush.speed, given.body, brush.vision, [seed, k, 3])
             found.append([scatters(clip, brush, run, _turns_seen(clip, brush, span), span) for span in TURN_SPANS])
         known = [pairs for pairs in found if None not in pairs]
         return np.mean(np.square(known), axis=0) if known else np.zeros((2, 2))
@@ -235,7 +232,7 @@ def answer_step(given: Setting, theta, extras, seed) -> np.ndarray | None:
     brush, steps = given.brush(theta, extras), []
     for k, clip in enumerate(_beginning(clip) for clip in given.seen):
         how = clip, brush.params, brush.speed, given.body, brush.vision
-        runs = [simulate(*how, [seed, k, 4 + run], dt=given.wander_dt) for run in range(ANSWERS)]
+        runs = [simulate(*how, [seed, k, 4 + run]) for run in range(ANSWERS)]
         steps.append(correction(clip, brush, runs, _turns_seen(clip, brush)))
     known = [step for step in steps if step is not None]
     return np.mean(known, axis=0) if known else None
@@ -321,14 +318,14 @@ def _descend_on_fields(given, theta, extras, seed):
     return {"theta": found.theta.tolist(), "extras": extras, "loss": loss, "by_turns": False}
 
 
-def attempt(given: Setting, theta, extras, seeds, held, dt=COARSE_DT, begin=0):
+def attempt(given: Setting, theta, extras, seeds, held, begin=0):
     """Run herds with these numbers and compare them with the clips: {score, figures}.
 
     ``held``: on the frames held back and from the end on; else on those that may be seen, one seed from their
     beginning, the next from later on (`BEGINS`), ``begin`` for the first.
     """
     runs = [
-        [trial(given, theta, extras, seed, held, lasting, dt, 0 if held else begin + turn) for lasting in (False, True)]
+        [trial(given, theta, extras, seed, held, lasting, 0 if held else begin + turn) for lasting in (False, True)]
         for turn, seed in enumerate(seeds)
     ]
     return scored(runs)
@@ -361,22 +358,22 @@ def means_of(parts: Sequence[dict[str, float]]):
     return {name: float(np.mean([part[name] for part in parts if name in part])) for name in names}
 
 
-def trial(given: Setting, theta, extras, seed, held, lasting, dt=COARSE_DT, begin=0):
+def trial(given: Setting, theta, extras, seed, held, lasting, begin=0):
     """How far a herd is from each clip, by measure: as long as the clip goes on, or ``lasting``, well beyond."""
-    return [_tried(given, k, theta, extras, seed, held, lasting, dt, begin) for k in range(len(given.clips))]
+    return [_tried(given, k, theta, extras, seed, held, lasting, begin) for k in range(len(given.clips))]
 
 
-def _tried(given, k, theta, extras, seed, held, lasting, dt, begin):
+def _tried(given, k, theta, extras, seed, held, lasting, begin):
     clip, shown = given.clips[k], (given.held if held else given.seen)[k]
     if not lasting:
         part, target = _from(shown, begin)
         span = (len(part.fields) - 1) / part.fps
-        run = _run(given, part, theta, extras, [seed, k, 0], 0, span, None, dt)
+        run = _run(given, part, theta, extras, [seed, k, 0], 0, span)
         return _not_ignored(given, distance(run, part, target)) | _of_limits(given, part, theta, extras, run)
     whole = clip if held else shown
     length = float(np.clip(4.0 * len(whole.fields) / whole.fps, *BEYOND))
     target = _from(whole)[1]
-    return _compared(given, whole, target, theta, extras, [seed, k, 1], len(whole.fields) - 1, length, dt)
+    return _compared(given, whole, target, theta, extras, [seed, k, 1], len(whole.fields) - 1, length)
 
 
 def _from(clip, begin=0):
@@ -393,15 +390,15 @@ def _from(clip, begin=0):
     return _known[key][1]
 
 
-def _compared(given, clip, target, theta, extras, seed, frame, seconds, dt):
+def _compared(given, clip, target, theta, extras, seed, frame, seconds):
     """The distance of one run from what should last of a clip, by measure."""
-    run = _run(given, clip, theta, extras, seed, frame, seconds, LOOKS, dt)
+    run = _run(given, clip, theta, extras, seed, frame, seconds, LOOKS)
     return _not_ignored(given, distance(run, clip, target, True))
 
 
-def _run(given, clip, theta, extras, seed, frame, seconds, looks, dt):
+def _run(given, clip, theta, extras, seed, frame, seconds, looks=None):
     brush = given.brush(theta, extras)
-    return simulate(clip, brush.params, brush.speed, given.body, brush.vision, seed, frame, seconds, dt, looks)
+    return simulate(clip, brush.params, brush.speed, given.body, brush.vision, seed, frame, seconds, looks)
 
 
 def _of_limits(given, clip, theta, extras, run):
@@ -436,7 +433,7 @@ def keep(given: Setting, theta, extras, seed, factor):
             continue
         last, target = len(clip.fields) - 1, _from(clip)[1]
         if factor == 1.0:
-            strayed.append(_strayed(_compared(given, clip, target, theta, extras, [seed, k, 2], last, STAY, DT)))
+            strayed.append(_strayed(_compared(given, clip, target, theta, extras, [seed, k, 2], last, STAY)))
             continue
         herd, around = resized_among(start_of(clip, last, seed, given.body), _around(clip).walls, factor, seed)
         if not 2 <= len(herd) <= TOO_MANY:
@@ -466,7 +463,7 @@ def _strayed(parts):
     return total({name: min(value, LOST) for name, value in parts.items()})
 
 
-def simulate(clip: Evidence, params, speed, body, vision, seed=0, frame=0, seconds=None, dt=DT, looks=None):
+def simulate(clip: Evidence, params, speed, body, vision, seed=0, frame=0, seconds=None, looks=None):
     """A herd with these numbers, started like a frame of the clip; default: to the end of the clip.
 
     Seen as often as the clip, or about ``looks`` times where nobody comes and goes between.
@@ -477,7 +474,7 @@ def simulate(clip: Evidence, params, speed, body, vision, seed=0, frame=0, secon
     fps = clip.fps if looks is None or around.gates is not None else looks / seconds
     start = start_of(clip, frame, int(entropy[0]), body)
     seed = int(entropy[1])
-    return rollout(start, params, speed, body, vision, seconds=seconds, fps=fps, seed=seed, dt=dt, around=around)
+    return rollout(start, params, speed, body, vision, seconds=seconds, fps=fps, seed=seed, around=around)
 
 
 def _around(clip):

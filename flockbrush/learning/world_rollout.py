@@ -9,7 +9,6 @@ import numpy as np
 from flockbrush.behaviours.behaviour import Behaviour, behaviours
 from flockbrush.behaviours.brush import BodySpec, Brush, Provenance
 from flockbrush.components import Heading, Position, Speed, Velocity
-from flockbrush.engine.clock import Clock
 from flockbrush.levels.build import plane
 
 SPACING = 0.5  # animals per BL² of the ground that they are put on first
@@ -36,11 +35,11 @@ def brush_of_parts(params, speed, body, vision) -> Brush:
     )  # fmt: skip
 
 
-def world_looks(start, params, speed, body, vision, seconds, fps, seed, around, dt=Clock.dt):
+def world_looks(start, params, speed, body, vision, seconds, fps, seed, around):
     """What a herd does, [(ids, xy, forward, velocity)] of each frame, in BL.
 
-    Frames are at 0, 1/fps ... up to ``seconds``; between two ticks, ``dt`` apart, places and headings are
-    interpolated.  ValueError when something is ``around`` (`flockbrush.learning.rollout.Surroundings`).
+    Frames are at 0, 1/fps ... up to ``seconds``; between two ticks places and headings are interpolated.
+    ValueError when something is ``around`` (`flockbrush.learning.rollout.Surroundings`).
     """
     if any(thing is not None for thing in around):
         name = model_of(params).name
@@ -56,10 +55,9 @@ def world_looks(start, params, speed, body, vision, seconds, fps, seed, around, 
     if start.speed is not None:
         agents[Speed.drawn][:] = agents[Speed.target][:] = np.maximum(start.speed, 0.0)
     agents[Velocity.xyz][:, :2] = start.forward * agents[Speed.drawn][:, None]
-    simulation.clock.dt = dt
     done, before, looks = 0, None, []
     for k in range(int(seconds * fps + 1e-6) + 1):
-        after = k / fps / dt
+        after = k / fps / simulation.clock.dt
         while done < after - 1e-9:
             before = _look(agents, middle)
             simulation.run(1)

@@ -49,7 +49,7 @@ def test_who_hardly_interacts_is_idle_only_where_the_clip_shows_interaction():
 def test_a_herd_without_interaction_is_not_learned_though_its_trials_are_the_best(grazing, monkeypatch):
     """Some seconds of order and turning need no interaction: here every trial is better the less there is of it."""
 
-    def judged(given, theta, extras, seed, held, lasting, dt=0.0, begin=0):
+    def judged(given, theta, extras, seed, held, lasting, begin=0):
         return [{"spread": float(sum(theta[0:9:3]))}]
 
     clip, brush = grazing
