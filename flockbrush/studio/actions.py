@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pygame
 
+from flockbrush.behaviours.brush import SUFFIX as BRUSH_SUFFIX
 from flockbrush.behaviours.program import SUFFIX
 from flockbrush.engine.commands import from_record
 from flockbrush.engine.files import write_bytes
@@ -15,6 +16,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.render.style import THEMES, theme_of
 from flockbrush.studio.forms import Form, FormRow, blank, changed, live_commands, number, rows_of, said
 from flockbrush.studio.help import Help
+from flockbrush.studio.panels.tuning import as_new
 from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name
 from flockbrush.studio.video_recorder import RunningVideo
 
@@ -144,10 +146,10 @@ class AppActions:
         """Write the level to its file; ask for a file if the level is shipped or from a recording."""
         return self.save_as() if self.session.lent else self._save(None)
 
-    def save_as(self, then=lambda: None):
-        """Ask for a file and write the level there; call `then` afterwards."""
+    def save_as(self, then=lambda: None, start=None):
+        """Ask for a file (``start`` is offered) and write the level there; call `then` afterwards."""
         lent = self.session.lent
-        start = Path.cwd() / f"{self.level_name()}.tmj" if lent else self.session.path
+        start = start or (Path.cwd() / f"{self.level_name()}.tmj" if lent else self.session.path)
         why = "This level is part of Flockbrush or of a recording and cannot be changed.\n" if lent else ""
         self.ask_text("Save the level", f"{why}File to write:", str(start), lambda text: self._save_to(text, then))
 
@@ -416,23 +418,58 @@ class AppActions:
 
         self.ask_text("Save program", f"Folder for {program.name}{SUFFIX}:", str(self.session.program_folder), save)
 
+    def ask_for_brush(self, brush, asset, then):
+        """Ask for a name, save a changed brush under it, and call `then` with the new brush.
+
+        ``asset`` is what it was made of.
+        """
+
+        def save(name):
+            name = name.strip().removesuffix(BRUSH_SUFFIX)
+            try:
+                new = as_new(brush, asset, name, datetime.date.today())
+                if name in self.session.brush_names:
+                    raise ValueError(f"a brush {name!r} already exists; choose another name")
+            except ValueError as error:
+                self.notify(str(error), "error")
+                return False
+            path = self.session.save_changed(brush, new)
+            self.tell()
+            if path is not None:
+                then(new)
+                self.notify(f"saved {path}")
+            return None
+
+        question = f"Name of the new brush, made from '{brush.name}' (letters, digits, - and _):"
+        self.ask_text("Save as new brush", question, self.session.free_brush_name(brush.name), save)
+
     @property
     def unsaved(self):
         """A sentence about what is not saved, "" when everything is."""
         parts = [self.level_name()] if self.session.dirty else []
+        parts += [f"the branch {name}" for name in self.session.unsaved_branches]
+        parts += [f"the brush {brush.name}" for brush in self.session.unsaved_brushes()]
         parts += [f"the program {program.name}" for program in self.session.unsaved_programs()]
         return f"There are unsaved changes of {' and '.join(parts)}." if parts else ""
 
     def _save_and_quit(self):
-        """Save the level, then each program that was changed, and quit if all of that was done."""
-        if self.session.dirty:
-            if self.session.lent:
+        """Save the level, then each branch, brush and program that was changed, and quit if all of that was done."""
+        session = self.session
+        brushes = session.unsaved_brushes()
+        if session.dirty or (brushes and session.lent):  # brushes lie beside a level
+            if session.lent:
                 self.save_as(then=self._save_and_quit)
             elif self._save(None):
                 self._save_and_quit()
             return
-        programs = self.session.unsaved_programs()
-        if programs:
+        programs = session.unsaved_programs()
+        if session.unsaved_branches:
+            session.switch(session.unsaved_branches[0])
+            path = session.path
+            self.save_as(self._save_and_quit, path.with_name(f"{path.stem}-{session.branch_name}{path.suffix}"))
+        elif brushes:
+            self.ask_for_brush(brushes[0], session.library.get(brushes[0].name), lambda new: self._save_and_quit())
+        elif programs:
             self.ask_for_program(programs[0], self._save_and_quit)
         else:
             self.quit()

@@ -25,7 +25,7 @@ from flockbrush.studio.timebar import TimeBar
 from flockbrush.studio.toolbox import Toolbox
 from flockbrush.studio.topbar import TopBar
 from flockbrush.studio.viewport import Viewport
-from flockbrush.studio.widgets import NO_MARGINS, words
+from flockbrush.studio.widgets import NO_MARGINS, close_menus, words
 from flockbrush.studio.window import Window
 
 SLOWEST = 1 / 25  # s; a frame whose simulation would take longer lets the simulation lag instead
@@ -294,6 +294,8 @@ class App(ActiveTool, AppActions, CanvasEvents, Window):
         super().handle(event)
 
     def _is_of_controls(self, event):
+        if event.type == pygame.KEYDOWN and event.key == pygame.K_ESCAPE and close_menus(self.manager):
+            return True
         return self.control_keys.handle(event) or super()._is_of_controls(event)
 
     def _is_dragging(self):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import time
 from contextlib import contextmanager, suppress
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flockbrush.behaviours.brush import SUFFIX, Brush, save_brush
+from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.behaviours.program import save_program, shipped_programs
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
@@ -26,6 +28,7 @@ from flockbrush.runs import run as running
 from flockbrush.studio.branches import Beginning, plain_name
 from flockbrush.studio.history import History
 from flockbrush.studio.recovery import RecoveryFolder
+from flockbrush.studio.tuned_brushes import is_tuned, tuned_by
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs
 
@@ -141,13 +144,15 @@ class SessionFiles:
         except (ProblemsError, OSError) as error:
             self._say("warning", f"{to} was saved, but cannot be opened yet: {error}")
 
+    @property
+    def unsaved_branches(self):
+        """Names of the other branches whose level is in no file."""
+        here = self.timeline.current
+        return [name for name, branch in self.branches.items() if branch is not here and branch.editor.dirty]
+
     def _tell_tuned(self, library):
         """Say once which brushes have other numbers here than in their files, which is what the level will have."""
-        tuned = set()
-        for brush in self.simulation.world.resource(Palette).own:
-            with suppress(ProblemsError):  # nobody's file, or one that cannot be read now
-                if library.get(brush.name) != brush:
-                    tuned.add(brush.name)
+        tuned = {b.name for b in self.simulation.world.resource(Palette).own if is_tuned(b, library)}
         if tuned - self._tuned:
             names = ", ".join(sorted(tuned))
             told = f"{names}: changed in this run and not in the level, which has the brush files as they were"
@@ -219,6 +224,24 @@ class SessionFiles:
         made = {b.name + SUFFIX: b.source for b in self.simulation.world.resource(Palette).own if b.name not in known}
         return self.library.with_files(made)
 
+    def unsaved_brushes(self):
+        """Brushes as they were changed in this window, on any branch, if no file has these numbers."""
+        brushes: dict[str, Brush] = {}
+        for branch in self.branches.values():
+            done = (command for step in branch.editor.done for command in step.commands)
+            brushes |= {brush_to_toml(brush): brush for brush in tuned_by(done, self.library)}
+        return [brush for text, brush in brushes.items() if text not in self._saved_brushes]
+
+    @property
+    def brush_names(self):
+        """Names that a new brush cannot have."""
+        return {*self.library.names(), *self.simulation.world.resource(Palette).names}
+
+    def free_brush_name(self, name):
+        """A name like this one that no brush has: march-2, and after that march-3."""
+        stem = re.sub(r"-\d+$", "", name)[:58]
+        return next(f"{stem}-{k}" for k in range(2, 10_000) if f"{stem}-{k}" not in self.brush_names)
+
     def save_brush(self, brush: Brush, overwrite=False):
         """Save a brush beside the level; the path, or None and a notice."""
         try:
@@ -227,6 +250,13 @@ class SessionFiles:
             self._say("error", str(error))
             return None
         self._tell_tiled(brush.name)
+        return path
+
+    def save_changed(self, brush: Brush, new: Brush):
+        """Save what a changed brush became under a new name; as `save_brush`."""
+        path = self.save_brush(new)
+        if path is not None:
+            self._saved_brushes.add(brush_to_toml(brush))
         return path
 
     def _tell_tiled(self, name):
@@ -312,7 +342,7 @@ class SessionFiles:
         keep : bool
             Whether what is not saved stays for next time.
         """
-        unsaved = self.dirty or any(branch.editor.dirty for branch in self.branches.values())
+        unsaved = self.dirty or bool(self.unsaved_branches or self.unsaved_brushes())
         keep = keep and unsaved and self._recovery is not None
         if keep:
             self._note()
@@ -347,7 +377,7 @@ class SessionFiles:
         if self._recovery is None:
             return
         self.timeline.flush()
-        self._recovery.level = self.path
+        self._recovery.level = Path(os.path.abspath(self.path))
         try:
             self._recovery.note(
                 self.branch_name, {name: self._files_of(branch) for name, branch in self.branches.items()}

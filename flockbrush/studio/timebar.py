@@ -8,13 +8,25 @@ from pygame_gui.elements import UIDropDownMenu, UIImage, UIPanel
 
 from flockbrush.render.hud import clock
 from flockbrush.studio.theme import chrome, font, px
-from flockbrush.studio.widgets import NO_MARGINS, action_button, set_icon, words
+from flockbrush.studio.widgets import NO_MARGINS, action_button, is_open, set_icon, words
 
 RATES = {"¼×": 0.25, "½×": 0.5, "1×": 1.0, "2×": 2.0, "4×": 4.0, "8×": 8.0}
 PATIENCE = 1.5  # s
 LAGGING = 0.9  # of the wished pace: below, the lag is told
 STEPS = (5, 10, 15, 30, 60, 120, 300, 600, 1800, 3600, 1e9)  # s between two numbers on the strip
 ROOM = 30.0  # s the strip shows at least
+ABOVE = 60  # layer of the lists of menus
+
+
+class UpMenu(UIDropDownMenu):
+    """A menu whose list opens above whatever is there."""
+
+    def update(self, time_delta):
+        super().update(time_delta)
+        if is_open(self):
+            shown = self.current_state.options_selection_list
+            shown.change_layer(ABOVE)
+            shown.list_and_scroll_bar_container.change_layer(ABOVE + 1)
 
 
 class TimeBar:
@@ -49,9 +61,12 @@ class TimeBar:
         wide = px(app.scale, 62)
         if self.rect.width > px(app.scale, 420):
             place = pygame.Rect(x + gap, (self.rect.height - px(app.scale, 28)) // 2, wide, px(app.scale, 28))
-            self.rates = UIDropDownMenu(list(RATES), self._rate(), place, app.manager, self.back, object_id="@up")
+            self.rates = self._menu(list(RATES), self._rate(), place.move(self.rect.topleft))
             x += wide + 2 * gap
         self.left, self._icon = x, "play"
+
+    def _menu(self, names, chosen, place):
+        return UpMenu(names, chosen, place, self.app.manager, object_id="@up")  # within the bar its list would be cut
 
     def _rate(self):
         return min(RATES, key=lambda name: abs(RATES[name] - self.app.session.rate))
@@ -134,7 +149,7 @@ class TimeBar:
     def _renew_rates(self):
         place = self.rates.relative_rect.copy()
         self.rates.kill()
-        self.rates = UIDropDownMenu(list(RATES), self._rate(), place, self.app.manager, self.back, object_id="@up")
+        self.rates = self._menu(list(RATES), self._rate(), place)
 
     def _lag(self):
         """How time goes, in words."""
@@ -161,11 +176,8 @@ class TimeBar:
         self._branches = (names, current)
         if self.branches is not None:
             self.branches.kill()
-        self.branches = UIDropDownMenu(
-            names, current if current in names else names[0], self.branch_place, self.app.manager, self.back,
-            object_id="@up",
-        )  # fmt: skip
-
+        chosen = current if current in names else names[0]
+        self.branches = self._menu(names, chosen, self.branch_place.move(self.rect.topleft))
         self.draw()
 
     def draw(self):

@@ -9,7 +9,7 @@ from itertools import zip_longest
 from typing import NamedTuple
 
 import pygame
-from pygame_gui.elements import UIButton, UIHorizontalSlider, UILabel, UIScrollingContainer
+from pygame_gui.elements import UIButton, UIDropDownMenu, UIHorizontalSlider, UILabel, UIScrollingContainer
 
 from flockbrush.studio.icons import icon
 from flockbrush.studio.shortcuts import BY_NAME, tip_of
@@ -62,6 +62,19 @@ def set_icon(app, button, picture, size=18):
 def _icons(app, picture, size):
     c, side = chrome(app.theme), px(app.scale, size)
     return [icon(picture, side, colour) for colour in (c.ink, c.ink, c.accent, c.faint)]
+
+
+def is_open(menu: UIDropDownMenu) -> bool:
+    """Whether the list of a menu is shown."""
+    return menu.current_state is menu.menu_states["expanded"]
+
+
+def close_menus(manager) -> bool:
+    """Close the menus whose lists are shown; whether there was one."""
+    menus = [one for one in manager.get_sprite_group().sprites() if isinstance(one, UIDropDownMenu) and is_open(one)]
+    for menu in menus:
+        menu.current_state.target_state, menu.current_state.should_transition = "closed", True
+    return bool(menus)
 
 
 def action_button(app, rect, name, container, size=18) -> PictureButton:

@@ -12,6 +12,7 @@ import pygame
 from pygame_gui.elements import UIPanel
 
 from flockbrush.render.style import theme_of
+from flockbrush.studio.actions import AppActions
 from flockbrush.studio.manager import Manager
 from flockbrush.studio.session import Session
 from flockbrush.studio.settings import Settings
@@ -46,6 +47,11 @@ class SmallWindow:
 
     def ask_text(self, title, question, default, on_ok):
         self.question = (title, question, default, on_ok)
+
+    ask_for_brush = AppActions.ask_for_brush
+
+    def tell(self):
+        self.said += [(notice.kind, notice.text) for notice in self.session.notices()]
 
     def remember(self, **choices):
         for name, value in choices.items():

@@ -157,7 +157,8 @@ def test_what_was_tuned_is_saved_as_a_brush_that_says_where_it_is_from(window, l
 
 @pytest.mark.parametrize("name", ["", "../up", "march", "a b", "x" * 70])
 def test_a_name_that_cannot_be_leaves_everything_as_it_is(window, name):
-    window.panel.save_as(name)
+    window.panel.ask_name()
+    assert window.question[3](name) is False
     assert window.said[-1][0] == "error"
     assert window.brush == "march"
 
@@ -223,7 +224,8 @@ def test_a_new_brush_of_nothing_changed_says_so():
 
 def test_a_level_that_comes_with_flockbrush_keeps_its_folder_and_says_why():
     window = advanced("meadow", brush="march")
-    window.panel.save_as("shy-march")
+    window.panel.ask_name()
+    window.question[3]("shy-march")
     window.frames(2)
     assert "part of Flockbrush or of a recording; first save the level elsewhere" in window.said[-1][1]
     assert window.brush == "march"
@@ -245,7 +247,7 @@ def test_a_brush_that_the_level_has_not_yet_is_brought_by_turning_a_knob(window)
 
 
 def test_names_are_counted_on(window):
-    assert window.panel._free_name("march") == window.panel._free_name("march-7") == "march-2"
+    assert window.session.free_brush_name("march") == window.session.free_brush_name("march-7") == "march-2"
 
 
 def test_a_brush_that_nobody_knows_leaves_the_panel_as_it_is(window):

@@ -34,6 +34,14 @@ def crashed_with_work(level, state):
     return session._recovery.folder
 
 
+def test_a_level_that_was_opened_by_a_relative_path_is_recovered(level, state, monkeypatch):
+    monkeypatch.chdir(level.parent)
+    folder = crashed_with_work(Path(level.name), state)
+    monkeypatch.chdir(state)
+    (left,) = leftovers(level, state)
+    assert left.folder == folder and left.unsaved and left.level == level
+
+
 def aged(folder, seconds=1.0):
     """Make a folder and all in it as old as can be."""
     for path in [*folder.rglob("*"), folder]:

@@ -7,7 +7,9 @@ import cv2
 import numpy as np
 import pygame
 import pytest
+from flockbrush.behaviours.brush import load_brush
 from flockbrush.behaviours.program import shipped_programs
+from flockbrush.systems.commands import SetParameter
 from flockbrush.systems.edits import PlaceGoal
 from flockbrush.systems.program_commands import UseProgram
 from flockbrush.systems.undo import UseBrush
@@ -17,6 +19,7 @@ from window import Window
 from flockbrush.studio.session import Session
 from flockbrush.studio.shortcuts import ACTIONS, BY_KEY, BY_NAME, key_of, shown, tip_of
 from flockbrush.studio.tools import TOOLS
+from flockbrush.studio.widgets import is_open
 
 pytestmark = pytest.mark.usefixtures("in_own_folder")
 
@@ -174,6 +177,69 @@ def test_who_quits_is_asked_for_the_level_and_for_changed_programs(window, tmp_p
     window.dialog.entry.set_text(str(tmp_path / "mine"))
     window.dialog.answer(next(iter(window.dialog.answers)))
     assert not window.running and "3..4 s" in (tmp_path / "mine" / "stampede.program.toml").read_text()
+
+
+def test_who_quits_is_asked_for_every_branch_that_is_not_saved(window):
+    window.session.pause()
+    window.session.step(8)
+    window.drag((12, 3), (14, 3))
+    window.session.scrub(4)
+    window.session.branch("another")
+    assert not window.session.dirty
+    window.key("ctrl+q")
+    assert "the branch pasture" in window.dialog.question
+    save = lambda: window.dialog.answer(next(iter(window.dialog.answers)))  # noqa: E731
+    save()
+    assert window.running and window.session.branch_name == "pasture" and window.session.dirty
+    assert Path(window.dialog.entry.get_text()).name == "pasture-pasture.tmj"
+    before = Path("pasture.tmj").read_bytes()
+    save()
+    assert not window.running and Path("pasture.tmj").read_bytes() == before != Path("pasture-pasture.tmj").read_bytes()
+
+
+def test_who_quits_is_asked_for_brushes_that_were_changed(window):
+    window.session.do("pace", [SetParameter("march", "max_turn", 1.25)])
+    window.key("ctrl+q")
+    assert "unsaved changes of the brush march." in window.dialog.question
+    window.dialog.answer(next(iter(window.dialog.answers)))
+    assert window.running and window.dialog.entry.get_text() == "march-2"
+    window.dialog.answer(next(iter(window.dialog.answers)))
+    assert not window.running
+    assert load_brush(Path("brushes", "march-2.brush.toml")).params.max_turn == 1.25
+
+
+@pytest.mark.parametrize("again", ["undo", "as before"])
+def test_brushes_with_the_numbers_of_their_files_ask_nothing(window, again):
+    usual = window.session.library.get("march").params.max_turn
+    window.session.do("pace", [SetParameter("march", "max_turn", 1.25)])
+    assert window.session.unsaved_brushes()
+    if again == "undo":
+        window.session.undo()
+    else:
+        window.session.do("pace", [SetParameter("march", "max_turn", usual)])
+    window.key("ctrl+q")
+    assert not window.running
+
+
+def test_menus_of_the_time_bar_open_over_everything_and_escape_closes_them(window):
+    window.session.branch("another")
+    window.frames(12)
+    menu = window.timebar.branches
+    for choose in (False, True):
+        window.push(menu)
+        window.frames(2)
+        shown = menu.current_state.options_selection_list
+        assert is_open(menu) and shown.rect.height >= 2 * 20 and shown.rect.bottom <= menu.rect.top + 1
+        if choose:
+            entry = next(item for item in shown.item_list if item["text"] == "pasture")
+            window.push(entry["button_element"])
+            window.frames(2)
+        else:
+            window.key("escape")
+            window.frames(2)
+            assert window.session.branch_name == "another"
+        assert not is_open(window.timebar.branches)
+    assert window.session.branch_name == "pasture"
 
 
 def test_quitting_without_changes_just_quits(window):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import datetime
 import html
-import re
 
 import pygame
 from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED
@@ -18,7 +16,7 @@ from flockbrush.studio.panels.knobs import TABLES, Knob, knobs_of
 from flockbrush.studio.panels.macros import macros_of
 from flockbrush.studio.panels.panel import Panel, Picture, blank, palette_of, write
 from flockbrush.studio.panels.rows import PanelRow, row_of
-from flockbrush.studio.panels.tuning import as_new, changes, command_of, turned, use
+from flockbrush.studio.panels.tuning import changes, command_of, turned, use
 from flockbrush.studio.widgets import Shelf
 
 
@@ -273,38 +271,11 @@ class BrushPanel(Panel):
             self.drag += 1
 
     def ask_name(self):
-        """Ask what the new brush shall be called, and save it."""
-        brush = self.brush
-        if brush is not None:
-            question = f"Name of the new brush, made from '{brush.name}' (letters, digits, - and _):"
-            self.app.ask_text("Save as new brush", question, self._free_name(brush.name), self.save_as)
+        """Ask what the new brush shall be called, save it, bring it into the world, and take it in hand."""
+        if self.brush is not None:
+            self.app.ask_for_brush(self.brush, self.asset_of(self.brush), self._take)
 
-    def _free_name(self, name):
-        """A name like this one that no brush has: march-2, and after that march-3."""
-        used_names = {*self.app.session.library.names(), *palette_of(self.app.session).names}
-        stem = re.sub(r"-\d+$", "", name)[:58]
-        return next(f"{stem}-{k}" for k in range(2, 10_000) if f"{stem}-{k}" not in used_names)
-
-    def save_as(self, name: str):
-        """Save the running numbers under a new name, bring them into the world, and take them in hand.
-
-        False when the name is not accepted.
-        """
-        name, brush = name.strip().removesuffix(".brush.toml"), self.brush
-        if brush is None:
-            return None
-        try:
-            new_brush = as_new(brush, self.asset_of(brush), name, datetime.date.today())
-            if name in {*self.app.session.library.names(), *palette_of(self.app.session).names}:
-                raise ValueError(f"a brush {name!r} already exists; choose another name")
-        except ValueError as error:
-            self.app.notify(str(error), "error")
-            return False
-        path = self.app.session.save_brush(new_brush)
-        if path is None:
-            return None  # the session has said why
-        self.app.session.do(f"new brush {name}", [use(new_brush)])
-        self.app.brush = self.name = name
-        self.app.notify(f"Saved {path}; '{name}' is selected")
+    def _take(self, new_brush):
+        self.app.session.do(f"new brush {new_brush.name}", [use(new_brush)])
+        self.app.brush = self.name = new_brush.name
         self.refresh()
-        return None

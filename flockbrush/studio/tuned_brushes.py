@@ -1,0 +1,36 @@
+"""Brushes that were changed in a session, whose numbers may be in no file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import suppress
+
+from flockbrush.behaviours.brush import Brush
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.systems.commands import SetParameter
+from flockbrush.systems.edits import UseBrush
+
+
+def is_tuned(brush: Brush, library) -> bool:
+    """Whether a brush has other numbers than its file; False if there is none, or it cannot be read now."""
+    with suppress(ProblemsError):
+        return library.get(brush.name) != brush
+    return False
+
+
+def tuned_by(commands: Iterable, library) -> list[Brush]:
+    """Brushes as these commands leave them, one after another, if they have other numbers than their files."""
+    texts: dict[str, UseBrush] = {}
+    numbers: dict[str, dict[str, float]] = {}
+    for command in commands:
+        if isinstance(command, UseBrush):
+            texts[command.name] = command
+            numbers.pop(command.name, None)
+        elif isinstance(command, SetParameter):
+            numbers.setdefault(command.brush, {})[command.name] = command.value
+    brushes = []
+    for name in {**texts, **numbers}:
+        with suppress(ProblemsError):  # of a brush between two others there is no file
+            brush = texts[name].brush() if name in texts else library.get(name)
+            brushes.append(brush.with_parameters(**numbers[name]) if name in numbers else brush)
+    return [brush for brush in brushes if is_tuned(brush, library)]
