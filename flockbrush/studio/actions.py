@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import io
+import warnings
 from pathlib import Path
 
 import pygame
@@ -119,7 +120,7 @@ class AppActions:
     def delete(self):
         """Delete what is selected."""
         if not self.tool.delete() and not self.tools["select"].delete():
-            self.notify("nothing is selected: first click an object with the Select tool")
+            self.notify(f"nothing is selected: {self.tool.selects}")
 
     def cancel(self):
         """Close the help, or cancel the drawing, or clear the selection."""
@@ -170,7 +171,8 @@ class AppActions:
         if written:
             self._known_disk = ""
             pygame.display.set_caption(self.title())
-            self.notify(f"saved {written}")
+            past = self.session.in_past
+            self.notify(f"saved {written}" + (", as the level is at the end of this branch" if past else ""))
         return written
 
     def reload(self):
@@ -309,11 +311,14 @@ class AppActions:
     def toggle_follow(self):
         """Switch following of the herd on or off."""
         self.canvas.follow()
-        self.notify("the view follows the herd; T stops" if self.canvas.follows else "the view stays still")
+        whom = "herd" if self.selected is None else "selected animal"
+        self.notify(f"the view follows the {whom}; T stops" if self.canvas.follows else "the view stays still")
 
     def toggle_fullscreen(self):
         """Switch full screen on or off."""
-        pygame.display.toggle_fullscreen()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # pygame warns that the window is made again, which is what was asked for
+            pygame.display.toggle_fullscreen()
 
     def toggle_help(self):
         """Show or hide the help."""

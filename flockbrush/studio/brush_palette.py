@@ -45,7 +45,7 @@ class PaletteButtons:
         tall = self.picture[1] + px(app.scale, 28)
         rows = -(-len(self.entries) // ACROSS)
         self.back.set_scrollable_area_dimensions((rect.width - bar, max(1, rows * (tall + gap))))
-        self._made, self._waiting = {}, []
+        self._made, self._waiting, self._pictured = {}, [], {}
         self._places = {
             entry: pygame.Rect(k % ACROSS * (wide + gap), k // ACROSS * (tall + gap), wide, tall)
             for k, entry in enumerate(self.entries)
@@ -76,6 +76,7 @@ class PaletteButtons:
         app, place = self.app, self._places[entry]
         title, tip = self._words(entry)
         if self.layer == "brush":
+            self._pictured[entry] = app.find_brush(entry)
             picture, ready = self._brush_picture(entry)
         else:
             picture, ready = self._swatch(entry), True
@@ -146,11 +147,22 @@ class PaletteButtons:
             self._marked = chosen
             for entry, button in self._made.items():
                 (button.select if entry == chosen else button.unselect)()
+        if not any(pygame.mouse.get_pressed()):  # not at every step of a slider
+            self._look_again()
         for entry in self._waiting[:]:
             picture, ready = self._brush_picture(entry)
             if ready:
                 self._waiting.remove(entry)
                 self._made[entry].picture(picture, at=(0.5, 0.12))
+
+    def _look_again(self):
+        """Show brushes as they are since they were changed, or since that was undone."""
+        for entry, was in self._pictured.items():
+            now = self.app.find_brush(entry)
+            if now is not was:
+                self._pictured[entry] = now
+                self._made[entry].picture(self._brush_picture(entry)[0], at=(0.5, 0.12))
+                self._waiting.append(entry)
 
 
 class Thumbnails:

@@ -18,6 +18,8 @@ class Hunter(NamedTuple):
 def hunters(app):
     """{species: Hunter} of all species that hunt by a brush of theirs, those that the animals of the level fear first.
 
+    A brush that names the species goes before one for all that hunt like it.
+
     Where no such species is known (a level of brushes and species of one's own), brushes of dangerous models are
     offered under the species "predator".
     """
@@ -27,10 +29,10 @@ def hunters(app):
     by_species = {}
     for species in map(library.get, library.names()):
         if any(relation.verb == "hunt" for relation in species.relations.values()):
-            fitting = (name for name, brush in dangerous if _fits(species, brush))
-            name = next(fitting, None)
-            if name is not None:
-                by_species[species.name] = Hunter(species.name, name)
+            fitting = [(name, brush) for name, brush in dangerous if _fits(species, brush)]
+            own = [name for name, brush in fitting if species.name in brush.made_for]
+            if fitting:
+                by_species[species.name] = Hunter(species.name, own[0] if own else fitting[0][0])
     if not by_species:
         return {name: Hunter("predator", name) for name, _ in dangerous}
     present = {spawn.species for spawn in app.session.simulation.level.spawns}

@@ -270,10 +270,12 @@ class Viewport:
 
     def _now(self):
         """The moment to be shown; its animals are `herd`."""
-        moment = self._moment = self.app.session.view()
-        if self._edition != self.app.session.edition:
+        before, moment = self._moment, self.app.session.view()
+        taken = before is not None and before.time == moment.time and not np.isin(before.ids, moment.ids).all()
+        if taken or self._edition != self.app.session.edition:
             self._edition = self.app.session.edition
             self.painter.trails.clear()  # nobody went where they show
+        self._moment = moment
         self.herd = herd_of(self._simulation, moment)
         return moment
 

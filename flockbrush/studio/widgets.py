@@ -38,6 +38,8 @@ class PictureButton(UIButton):
         """Show other surfaces."""
         self._pictures, self._at = pictures, at
         self.rebuild()
+        if self.is_selected:
+            self.select()
 
     def rebuild(self):
         normal = self._pictures[0]

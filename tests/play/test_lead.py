@@ -94,3 +94,10 @@ def test_without_an_animal_it_says_what_to_do(window):
     hold(window, "w")
     assert (window.agents[Leading.kind] == NOWHERE).all()
     assert any("click an animal first" in text for text in window.said("info"))
+
+
+@pytest.mark.parametrize("key", ["a", "s", "w"])
+def test_letters_that_steer_take_no_other_tool_when_nobody_is_led(window, key):
+    window.select(None)
+    hold(window, key)
+    assert window.tool.name == "lead" and "click an animal first" in window.said()[-1]

@@ -75,8 +75,8 @@ def test_a_bird_tells_how_it_lies_in_the_air_and_whom_it_sees_there():
     [
         (0, 0, "level"),
         (10, 0, "climbs 10°"),
-        (-40, 30, "sinks 40°, banks 30° to the right"),
-        (0, -5, "banks 5° to the left"),
+        (-40, 30, "sinks 40°, banks 30° right"),
+        (0, -5, "banks 5° left"),
     ],
 )
 def test_how_a_bird_lies_in_the_air_in_words(pitch, bank, words):

@@ -252,7 +252,7 @@ def attitude(forward, up) -> str:
     left = np.array([-forward[1], forward[0], 0.0]) / max(np.hypot(forward[0], forward[1]), 1e-9)
     lean = float(np.degrees(np.arctan2(up @ left, up @ np.cross(forward, left))))
     words = [f"{'climbs' if climb > 0 else 'sinks'} {abs(climb):.0f}°"] if abs(climb) >= 0.5 else []
-    words += [f"banks {abs(lean):.0f}° to the {'left' if lean > 0 else 'right'}"] if abs(lean) >= 0.5 else []
+    words += [f"banks {abs(lean):.0f}° {'left' if lean > 0 else 'right'}"] if abs(lean) >= 0.5 else []
     return ", ".join(words) or "level"
 
 

@@ -158,9 +158,18 @@ class Select(Tool):
 
     def cancel(self) -> bool:
         going = self.thing is not None or self.app.selected is not None
-        self.thing = None
+        self._drop()
         self.app.select(None)
         return going
+
+    def interrupt(self):
+        self._pressed = None  # the selection stays: another edit of the same thing may follow
+
+    def _drop(self):
+        """Let go of the thing, and of what was said of it."""
+        if self.thing is not None and self.app.tool is self:
+            self.app.set_hint(self.hint)
+        self.thing = None
 
     def delete(self) -> bool:
         from flockbrush.systems.edits import RemoveThing
@@ -168,13 +177,15 @@ class Select(Tool):
         if self.thing is None or self.held() is None:
             return False
         kind, number = self.thing
-        self.thing = None
+        self._drop()
         self.app.do(f"remove the {SPOKEN.get(kind, kind)}", [RemoveThing(kind, number)])
         return True
 
     def cursor(self, surface, camera):
         held = self.held() if self.thing else None
-        if held is not None:
+        if held is None:
+            self._drop()
+        else:
             points, closed = outline(self.thing[0], held)
             self.path(surface, camera, points, self.app.accent, closed, width=3)
             if self._pressed is not None and self.at is not None:

@@ -14,6 +14,7 @@ class EditRecorded(Tool):
     name, title, key, icon = "edit", "Edit the recording", "d", "edit"
     tip = "Select recorded animals to move, delete, retime or restyle them in exports; the recording is not changed"
     hint = "Click an animal or drag a box (Shift adds). Drag selected animals to move them."
+    selects = "first click animals of the recording, or draw a box around them"
 
     def __init__(self, app):
         super().__init__(app)

@@ -21,7 +21,7 @@ class Lead(Tool):
 
     name, title, key, icon = "lead", "Lead", "l", "lead"
     tip = "Lead an animal: click it, then hold the button where it should go, or steer with WASD or the arrow keys"
-    hint = "Click an animal to lead it; then hold the button where it should go, or use WASD or the arrow keys."
+    hint = "Click an animal to lead it; then hold the button where it should go, or use WASD or arrows."
 
     def __init__(self, app):
         super().__init__(app)
@@ -54,8 +54,10 @@ class Lead(Tool):
     # keys --------------------------------------------------------------------------
 
     def hear(self, key, down) -> bool:
-        if key not in WAYS or (down and not self._is_there()):
+        if key not in WAYS:
             return False
+        if down and self._position() is None:  # arrows move the view then; a letter must not take another tool
+            return len(key) == 1 and not self._is_there()
         (self.held.add if down else self.held.discard)(key)
         east, north = (sum(WAYS[one][axis] for one in self.held) for axis in (0, 1))
         size = float(np.hypot(east, north))

@@ -38,10 +38,13 @@ class Tool:
         What one chooses from while the tool is in hand; "layer": whatever the option of that name says.
     options : tuple of str
         Names of what can be set, see `flockbrush.studio.options`.
+    selects : str
+        What to do before something can be deleted.
     """
 
     name = title = key = icon = tip = hint = palette = ""
     options: tuple[str, ...] = ()
+    selects = "first click an object with the Select tool"
 
     def __init__(self, app):
         self.app = app
