@@ -85,6 +85,8 @@ class AnimalPanel(ScrollPanel):
         button = self.buttons["reference"]
         if bool(bird) != button.is_enabled:
             (button.enable if bird else button.disable)()
+        if button.visible != ("reference bird" in dict(facts)):
+            (button.hide if button.visible else button.show)()
 
     # layout ----------------------------------------------------------------------
 
@@ -220,15 +222,17 @@ def facts_of(session, row) -> list[tuple[str, str]]:
         ("heading", f"{np.degrees(np.arctan2(fy, fx)) % 360:.0f}°, {compass(fx, fy)}"),
         ("position", f"{x:.1f}, {y:.1f} m" + (f"; height {z:.1f} m" if z else "")),
         ("visible neighbours", f"{seen_by(world, row)}"),
-        ("reference bird", f"animal {bird}" if bird else "none"),
     ]
+    ways = world.resource(Palette)
+    flying = ways.flies[binding] and not ways.grounded[binding]
+    if bird or flying:
+        facts.append(("reference bird", f"animal {bird}" if bird else "none"))
     why = reason(world, row)
     if why is not None:
         facts[1:1] = [("state", f"{why[1]} (program {why[0]})"), ("why", why[2])]
     if goal >= 0:
         facts.append(("goes to", land.goals[goal].name or f"goal {goal + 1}"))
-    ways = world.resource(Palette)
-    if ways.flies[binding] and not ways.grounded[binding]:
+    if flying:
         facts.append(("flies", attitude(agents[Heading.forward][row], agents[Airborne.up][row])))
         factor = 1.0  # mud slows nobody in the air
     if np.isfinite(cap) or factor != 1:
