@@ -158,7 +158,6 @@ class _Search:
         self.given, self.seed, self.say = given, settings.seed, say
         self.quick = settings.quick
         self.by_fields = any(not followed(clip) for clip in given.clips)
-        self.of_photos = not any(clip.fields.tells_motion for clip in given.clips)
         self.attempts: list[Attempt] = []
         self.fitted: list[int] = []  # attempts whose forces come from a fit to turns
         self.budget = settings.budget_s * RATE * (LONGER if self.by_fields else 1.0)
@@ -337,36 +336,25 @@ class _Search:
         return kept
 
     def _evolve(self, workers):
-        """Evolve the best two as long as the budget lasts; of photographs, after half of it the better one."""
+        """Evolve the best two as long as the budget lasts."""
         parents = [self.attempts[k] for k in self.ranked[:2]]
         staying = 0.0 if self.quick else self.cost_of_keeping * KEEPERS
         left = self.budget - staying - self.cost * 2 * 3 * (self._finalists + 2 * len(parents))
-        generations = int(left / (self.cost * GENERATION))
-        if generations < 2 * len(parents):
+        generations = int(left / (self.cost * GENERATION * len(parents)))
+        if generations < 2:
             return
-        clouds = [Cloud.about(a, self.given, (self.seed, 3, k), self.by_fields) for k, a in enumerate(parents)]
-        each = generations // len(clouds) if not self.of_photos else generations // (2 * len(clouds))
-        for number, cloud in enumerate(clouds):
-            self._generations(workers, cloud, each, number * each, generations)
-        if self.of_photos:
-            middles, seeds = [self._add(cloud.ends[0]) for cloud in clouds], [_seed(self.seed, 2, k) for k in range(3)]
-            clouds = [clouds[int(np.argmin(self._judge(workers, middles, seeds, False, "evolution")))]]
-            self._generations(workers, clouds[0], generations - 2 * each, 2 * each, generations)
-        for cloud in clouds:
+        for number, parent in enumerate(parents):
+            cloud = Cloud.about(parent, self.given, (self.seed, 3, number), self.by_fields)
+            for g in range(generations):
+                asked, read = cloud.ask()
+                how = {"seeds": [_seed(self.seed, 4, g)], "held": False, "begin": g}
+                found = workers.map(attempt, [{"theta": theta, "extras": extras} | how for theta, extras in read])
+                self.budget -= self.cost * len(read)
+                cloud.tell(asked, [result["score"] for result in found])
+                done = number * generations + g + 1
+                self.say(done, generations * len(parents), min(cloud.worths), "evolution")
             for end in cloud.ends:
                 self._add(end)
-
-    def _generations(self, workers, cloud, count, done, total):
-        """Let a cloud evolve; ``done`` of ``total`` generations there were before."""
-        before = len(cloud.worths) - 1
-        for g in range(before, before + count):
-            asked, read = cloud.ask()
-            how = {"seeds": [_seed(self.seed, 4, g)], "held": False, "begin": g}
-            found = workers.map(attempt, [{"theta": theta, "extras": extras} | how for theta, extras in read])
-            self.budget -= self.cost * len(read)
-            cloud.tell(asked, [result["score"] for result in found])
-            done += 1
-            self.say(done, total, min(cloud.worths), "evolution")
 
     @property
     def _finalists(self):

@@ -15,6 +15,7 @@ from flockbrush.engine.commands import from_record
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.render.style import THEMES, theme_of
+from flockbrush.studio.branches import plain_name
 from flockbrush.studio.forms import Form, FormRow, blank, changed, live_commands, number, rows_of, said
 from flockbrush.studio.help import Help
 from flockbrush.studio.panels.tuning import as_new
@@ -147,10 +148,12 @@ class AppActions:
         """Write the level to its file; ask for a file if the level is shipped or from a recording."""
         return self.save_as() if self.session.lent else self._save(None)
 
-    def save_as(self, then=lambda: None, start=None):
-        """Ask for a file (``start`` is offered) and write the level there; call `then` afterwards."""
-        lent = self.session.lent
-        start = start or (Path.cwd() / f"{self.level_name()}.tmj" if lent else self.session.path)
+    def save_as(self, then=lambda: None, branch=""):
+        """Ask for a file (of a ``branch`` another one is offered) and write the level there; call `then` afterwards."""
+        lent, path = self.session.lent, self.session.path
+        start = Path.cwd() / f"{self.level_name()}.tmj" if lent else path
+        if branch:
+            start = start.with_name(f"{start.stem}-{plain_name(branch)}{start.suffix}")
         why = "This level is part of Flockbrush or of a recording and cannot be changed.\n" if lent else ""
         self.ask_text("Save the level", f"{why}File to write:", str(start), lambda text: self._save_to(text, then))
 
@@ -470,8 +473,7 @@ class AppActions:
         programs = session.unsaved_programs()
         if session.unsaved_branches:
             session.switch(session.unsaved_branches[0])
-            path = session.path
-            self.save_as(self._save_and_quit, path.with_name(f"{path.stem}-{session.branch_name}{path.suffix}"))
+            self.save_as(self._save_and_quit, session.branch_name)
         elif brushes:
             self.ask_for_brush(brushes[0], session.library.get(brushes[0].name), lambda new: self._save_and_quit())
         elif programs:
