@@ -62,7 +62,6 @@ class Session(TickRunner, SessionFiles):
         self.library = timeline.current.beginning.library
         self._file = LevelFile(self.path)
         self._saved_programs = {program.source for program in self.level.programs.values()}
-        self._saved_brushes: set[str] = set()  # texts of changed ones, as they were saved under other names
         self.playing = False
         self.lent = self.path.resolve().parent == running.SHIPPED.resolve()
         self._goal: int | None = None  # the tick we are scrubbing to

@@ -91,6 +91,7 @@ class SessionFiles:
     """Methods of a session that read and write files."""
 
     _tuned: frozenset[str] = frozenset()  # brushes of which it was told that no file has their numbers
+    _saved_brushes: frozenset[str] = frozenset()  # texts of changed ones, as they were saved under other names
 
     # the level -----------------------------------------------------------------
 
@@ -256,7 +257,7 @@ class SessionFiles:
         """Save what a changed brush became under a new name; as `save_brush`."""
         path = self.save_brush(new)
         if path is not None:
-            self._saved_brushes.add(brush_to_toml(brush))
+            self._saved_brushes |= {brush_to_toml(brush)}
         return path
 
     def _tell_tiled(self, name):
