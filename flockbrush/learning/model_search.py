@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -25,16 +25,7 @@ from flockbrush.learning.learned_parameters import Attempt
 from flockbrush.learning.likelihood import read
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.search_space import EXTRAS, STEP_OF_EXTRAS
-from flockbrush.learning.trials import (
-    OTHER_NUMBERS,
-    WANDER_TIMES,
-    SearchSettings,
-    Setting,
-    attempt,
-    forget,
-    keep,
-    stayed,
-)
+from flockbrush.learning.trials import OTHER_NUMBERS, SearchSettings, Setting, attempt, forget, keep, stayed
 from flockbrush.learning.workers import Workers
 from flockbrush.learning.world_rollout import model_of
 
@@ -46,12 +37,15 @@ STEP, WIDE_STEP = 0.1, 0.2  # of ranges, from a fit and from defaults: standard 
 PATIENCE = 3  # generations, after which a hopeless search ends
 SEEDS, LAST_SEEDS = 2, 3  # runs of a candidate, and of those that are chosen from
 LONG = 10.0  # s, about: a trial beyond the clip
-CHANCE = {"wander": (0.02, 2.5), "wander_time": (float(WANDER_TIMES[0]), float(WANDER_TIMES[-1]))}  # rad/√s, s
+TURN_TIMES = np.geomspace(1 / 64, 2.0, 57)  # s; the shortest are turns of one tick, as in most models
+CHANCE = {"wander": (0.02, 2.5), "wander_time": (float(TURN_TIMES[0]), float(TURN_TIMES[-1]))}  # rad/√s, s
 
 
 @dataclass(frozen=True)
 class ModelSetting(Setting):
     """What trials of another model are given."""
+
+    wander_times: ClassVar[np.ndarray] = TURN_TIMES
 
     view: VisionSpec = VisionSpec()  # noqa: RUF009  frozen
     base: Any = None  # parameters of the model; those that are not searched for keep these values

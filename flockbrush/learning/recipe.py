@@ -79,8 +79,8 @@ DRAWS, QUICK_DRAWS, TWICE = 384, 64, 9  # random ones that are tried where a des
 ONE_OF, ONE_OF_DRAWS = 3, 6  # of so many, one is tried to the end
 CLEARLY = 0.15  # of the logarithm of the likelihood of a turn, by which one reach of sight is worse than another
 # by factor of the forces, of which turns show less if random ones last: factors of the wander that gives the usual
-# scatter; lasting herds need less
-WANDERING = {1.0: (0.6, 1.0), 2.0: (1.0,)}
+# scatter; lasting herds need less, large turns more
+WANDERING = {1.0: (0.5, 1.2), 2.0: (1.0,)}
 FINALISTS, QUICK_FINALISTS = 4, 3
 KEEPERS = 4  # candidates, re-run for 20 s to test stability
 AGREEING = 3  # starts, where no turns say how sure a number is

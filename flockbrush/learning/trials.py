@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 
@@ -48,7 +49,7 @@ OFF = "of its limit, "  # before the name of a measure of the battery: how many 
 LIMIT = 2.0  # deviations that count as much as a limit of the battery
 MOST_WANDER, WANDERS = 2.5, 1.5  # rad/√s; s of a herd by which it is found
 TURN_SPANS = SPAN, 0.5  # s over which random turns are looked at
-WANDER_TIMES = np.geomspace(1 / 64, 2.0, 57)  # s; the shortest are turns of one tick
+WANDER_TIMES = np.geomspace(0.125, 2.0, 33)  # s for which random turns may go on: four ticks of a level or more
 CLOSER = 3  # times that random turns are corrected
 ANSWERS = 2  # runs by which numbers are corrected
 STAY = 20.0  # s
@@ -106,6 +107,7 @@ class SearchSettings:
 class Setting:
     """What all tasks are given: the clips, and what follows from them directly."""
 
+    wander_times: ClassVar[np.ndarray] = WANDER_TIMES  # s for which random turns may go on
     clips: tuple  # of Evidence, all frames
     seen: tuple  # of Evidence, without what is held back
     held: tuple  # of Evidence, what is held back
@@ -189,7 +191,7 @@ def chance_found(given: Setting, theta, extras, seed) -> dict[str, float]:
     the square of wander, and with the span over which they are looked at as random turns last
     (`flockbrush.behaviours.wander.lasting`).
     """
-    parts, time = [_beginning(clip) for clip in given.seen], float(WANDER_TIMES[0])
+    parts, time = [_beginning(clip) for clip in given.seen], float(given.wander_times[0])
 
     def variances(wander, time):
         """(2 spans, 2): of the clips, and of a herd that wanders so much."""
@@ -205,11 +207,11 @@ def chance_found(given: Setting, theta, extras, seed) -> dict[str, float]:
     if not left[0] > 0.0:
         return {"wander": 0.0, "wander_time": time}
     wander = min(float(np.sqrt(left[0] / TURN_SPANS[0])), MOST_WANDER)
-    shares = np.array([lasting(TURN_SPANS, time) for time in WANDER_TIMES])
+    shares = np.array([lasting(TURN_SPANS, time) for time in given.wander_times])
     for _ in range(CLOSER):  # forces act against turns that last longer by more
         more = left / np.maximum(variances(wander, time)[:, 1] - still, 1e-9)
         now = lasting(TURN_SPANS, time)
-        time = float(np.interp(more[1] / more[0] * now[1] / now[0], shares[:, 1] / shares[:, 0], WANDER_TIMES))
+        time = float(np.interp(more[1] / more[0] * now[1] / now[0], shares[:, 1] / shares[:, 0], given.wander_times))
         wander = min(float(wander * np.sqrt(more[0] * now[0] / lasting(TURN_SPANS[0], time))), MOST_WANDER)
     return {"wander": wander, "wander_time": time}
 
