@@ -75,7 +75,8 @@ def close_menus(manager) -> bool:
     """Close the menus whose lists are shown; whether there was one."""
     menus = [one for one in manager.get_sprite_group().sprites() if isinstance(one, UIDropDownMenu) and is_open(one)]
     for menu in menus:
-        menu.current_state.target_state, menu.current_state.should_transition = "closed", True
+        shown = menu.menu_states["expanded"]
+        shown.target_state, shown.should_transition = "closed", True
     return bool(menus)
 
 
