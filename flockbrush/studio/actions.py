@@ -154,7 +154,8 @@ class AppActions:
         start = Path.cwd() / f"{self.level_name()}.tmj" if lent else path
         if branch:
             start = start.with_name(f"{start.stem}-{plain_name(branch)}{start.suffix}")
-        why = "This level is part of Flockbrush or of a recording and cannot be changed.\n" if lent else ""
+        why = f"Branch {branch}. " if branch else ""
+        why += "This level is part of Flockbrush or of a recording and cannot be changed.\n" if lent else ""
         self.ask_text("Save the level", f"{why}File to write:", str(start), lambda text: self._save_to(text, then))
 
     def _save_to(self, text, then):
@@ -320,7 +321,7 @@ class AppActions:
     def toggle_fullscreen(self):
         """Switch full screen on or off."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # pygame warns that the window is made again, which is what was asked for
+            warnings.filterwarnings("ignore", "re-creating window")  # which is what was asked for
             pygame.display.toggle_fullscreen()
 
     def toggle_help(self):

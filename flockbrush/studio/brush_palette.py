@@ -161,8 +161,10 @@ class PaletteButtons:
             now = self.app.find_brush(entry)
             if now is not was:
                 self._pictured[entry] = now
-                self._made[entry].picture(self._brush_picture(entry)[0], at=(0.5, 0.12))
-                self._waiting.append(entry)
+                picture, ready = self._brush_picture(entry)
+                self._made[entry].picture(picture, at=(0.5, 0.12))
+                if not ready and entry not in self._waiting:
+                    self._waiting.append(entry)
 
 
 class Thumbnails:

@@ -60,16 +60,17 @@ class RecoveryFolder:
                 break
         self._lock = Lock(self.folder / LOCK)
 
-    def note(self, current, branches):
-        """Say which branches there are and where their files lie.
+    def note(self, current, branches, brushes=()):
+        """Say which branches there are, where their files lie, and which changed brushes are in no file.
 
         Parameters
         ----------
         current : str
         branches : dict of str to dict
             ``recording`` and ``journal`` (paths or None), ``parent`` and ``left``.
+        brushes : sequence of str
         """
-        entries = {"level": str(self.level), "current": current, "branches": branches}
+        entries = {"level": str(self.level), "current": current, "branches": branches, "brushes": list(brushes)}
         write_bytes(self.folder / NOTE, json.dumps(entries, default=str, indent=1).encode())
 
     def close(self, keep=False, unsaved=False):
@@ -115,6 +116,7 @@ class SessionNote(BaseModel):
     level: str
     current: str
     branches: dict[str, BranchFiles]
+    brushes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,7 @@ class Leftover:
     current: str
     branches: dict[str, BranchFiles]
     time: float  # s since 1970, of the last thing written
+    brushes: tuple[str, ...] = ()  # that were changed, which no saved level holds
 
     def __str__(self):
         when = datetime.datetime.fromtimestamp(self.time).strftime("%d %B, %H:%M")
@@ -133,9 +136,9 @@ class Leftover:
 
     @property
     def unsaved(self):
-        """Whether something was done in it that no level file has; who only looked on has lost nothing."""
+        """Whether something was done in it that no file has; who only looked on has lost nothing."""
         journals = {Path(files.journal) for files in self.branches.values() if files.journal}
-        return any(map(_is_unsaved, journals | set(self.folder.glob("*.journal"))))
+        return bool(self.brushes) or any(map(_is_unsaved, journals | set(self.folder.glob("*.journal"))))
 
     def discard(self):
         """Move it to the trash."""
@@ -217,7 +220,7 @@ def _read_note(folder):
     times = [_written(path) for files in branches.values() for path in (files.recording, files.journal) if path]
     if not any(times):
         return None
-    return Leftover(folder, Path(note.level), note.current, branches, max(times))
+    return Leftover(folder, Path(note.level), note.current, branches, max(times), note.brushes)
 
 
 def _with_places(files, folder):

@@ -240,8 +240,8 @@ class SessionFiles:
 
     def free_brush_name(self, name):
         """A name like this one that no brush has: march-2, and after that march-3."""
-        stem = re.sub(r"-\d+$", "", name)[:58]
-        return next(f"{stem}-{k}" for k in range(2, 10_000) if f"{stem}-{k}" not in self.brush_names)
+        stem, known = re.sub(r"-\d+$", "", name)[:58], self.brush_names
+        return next(f"{stem}-{k}" for k in range(2, 10_000) if f"{stem}-{k}" not in known)
 
     def save_brush(self, brush: Brush, overwrite=False):
         """Save a brush beside the level; the path, or None and a notice."""
@@ -380,9 +380,8 @@ class SessionFiles:
         self.timeline.flush()
         self._recovery.level = Path(os.path.abspath(self.path))
         try:
-            self._recovery.note(
-                self.branch_name, {name: self._files_of(branch) for name, branch in self.branches.items()}
-            )
+            files = {name: self._files_of(branch) for name, branch in self.branches.items()}
+            self._recovery.note(self.branch_name, files, [brush.name for brush in self.unsaved_brushes()])
         except ProblemsError as error:
             self._say("warning", f"new changes are not protected against a crash: {error}")
 

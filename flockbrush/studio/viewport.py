@@ -271,7 +271,7 @@ class Viewport:
     def _now(self):
         """The moment to be shown; its animals are `herd`."""
         before, moment = self._moment, self.app.session.view()
-        taken = before is not None and before.time == moment.time and not np.isin(before.ids, moment.ids).all()
+        taken = before is not None and before.time == moment.time and len(moment.ids) < len(before.ids)
         if taken or self._edition != self.app.session.edition:
             self._edition = self.app.session.edition
             self.painter.trails.clear()  # nobody went where they show

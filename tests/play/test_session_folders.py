@@ -14,6 +14,7 @@ import pytest
 from crashed_session import crashed, sessions, thrown_away
 from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.level_writer import Document, dump
+from flockbrush.systems.commands import SetParameter
 from small_pasture import by_hand, pasture, straight_run, stroke, texts
 
 from flockbrush.cli.main import called
@@ -312,3 +313,15 @@ def test_killed_in_the_middle_nothing_older_than_a_second_is_lost(level, state):
         pass
     assert again.editor.text() == dump(Document.load(level).data) and texts(again) == []
     again.close()
+
+
+def test_a_brush_that_was_changed_is_offered_though_the_level_was_saved_after_it(level, state):
+    session = Session.open(level, state_folder=state)
+    session.do("paint", [stroke("march", 8, 8, 2)])
+    assert session.do("tune", [SetParameter("march", "max_turn", 1.25)]) and session.save()
+    assert session.close(keep=True)
+    (left,) = leftovers(level, state)
+    assert left.unsaved and left.brushes == ("march",)
+    (offered,) = Session.recoverable(level, state)
+    assert offered == left
+    left.discard()
