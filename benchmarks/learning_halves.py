@@ -121,9 +121,9 @@ def halves_of(name, options):
     looked = time.perf_counter()
     found = learn(first, SearchSettings(budget_s=options.budget), jobs=options.jobs)
     if options.model == AUTO and not problem_of([first]):
-        contenders = comparison_of([first], 0).contenders
-        how = {"jobs": options.jobs, "hopeless": hopeless(found)}
-        found = nearest([found, *(learned_model([first], kind, **how) for kind in contenders)])
+        models, how = comparison_of([first], 0), {"jobs": options.jobs, "hopeless": hopeless(found)}
+        others = [learned_model([first], kind, **how) for kind in models.contenders]
+        found = nearest([found, *others], models.likelier)
     learned = time.perf_counter()
     given = found.speed, found.body
     mine = judged(second, found.params, *given, found.vision)

@@ -33,6 +33,10 @@ def truths() -> dict[str, tuple[str, object]]:
     }  # fmt: skip
     zones = {"repulsion": 1.0, "orientation": 2.0, "attraction": 8.0, "max_turn": 1.5, "wander": 0.2}
     morse = {"attraction": 8.0, "attraction_reach": 10.0, "repulsion": 8.0, "repulsion_reach": 1.2}
+    force_map = {
+        "attraction_half": -8.0, "attraction_1": -2.0, "attraction_2": 0.5, "attraction_4": 1.5, "attraction_8": 3.0,
+        "alignment_1": 1.5, "alignment_2": 1.0, "alignment_4": 0.0, "front_alignment": 0.5, "wander": 0.4,
+    }  # fmt: skip
     made = {
         "herd": ("herd", "herd", march, {"range": 4.0}),
         "topological, 6": ("topological", "herd", march | {"neighbour_range": 20.0}, NEAREST),
@@ -40,6 +44,7 @@ def truths() -> dict[str, tuple[str, object]]:
         "zones, seen": ("zones", "zones", zones, {"range": 16.0}),
         "boids": ("boids", "boids", boids, BROAD),
         "morse": ("morse", "morse", morse, BROAD),
+        "force_map": ("force_map", "force_map", force_map, BROAD),
     }
     told = Provenance(
         kind="hand-set", source="a benchmark", date=datetime.date(2026, 1, 1), by="benchmarks/learning.py"

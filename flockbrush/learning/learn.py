@@ -308,7 +308,7 @@ def _nearest_kind(learned, models: ModelComparison, fold, herd: BrushTask, wishe
     tried, herd.hopeless = [learned], hopeless(learned)
     for herd.kind in models.contenders:
         tried.append(_learned(fold.clips, herd, wishes, interrupts, False, of=of))
-    learned = nearest(tried)
+    learned = nearest(tried, models.likelier)
     herd.kind, herd.hopeless = learned.kind, np.inf
     models.learned = learned.kind
     herd.notes += [] if interrupts.asked else [models.sentence, models.decision]

@@ -49,6 +49,8 @@ class Likelihood:
     untold: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # the same for parameters of which only turns tell whose animals see obstacles
     by_walls: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # whether it assumes little of how answers fall with distance: then it is learned wherever it may be the right one
+    general: bool = False
 
     def told_by(self, turns: Turns) -> dict[str, tuple[float, float]]:
         """Free parameters that these turns tell, and where they are looked for."""

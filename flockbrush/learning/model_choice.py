@@ -16,7 +16,7 @@ from flockbrush.learning.which_model import HERD, ModelComparison, compare_model
 from flockbrush.runs.terminal import measure, table
 
 AUTO = "auto"
-TIE = 1.1  # times as far as the herd: a kind of model by which turns are likelier counts as no farther
+TIE = 1.1  # times as far as others: a kind of model by which turns are likelier counts as no farther
 HOPELESS = 1.3  # times the score of the herd: a kind that does not come below it soon is given up
 ONE_PICTURE = "it is one picture, and models are compared by the turns of animals"
 COLUMNS = "model", "perception", "log score", "±", "behind", "± ", "distinct", "battery"
@@ -63,12 +63,12 @@ def comparison_of(clips: Sequence[Evidence], seed: int) -> ModelComparison:
     return found
 
 
-def nearest(tried: Sequence[Learned]) -> Learned:
+def nearest(tried: Sequence[Learned], likelier: Sequence[str] = ()) -> Learned:
     """The one of several kinds whose simulated herds are nearest to the clip; the first, if none is known.
 
-    The others are tried since turns are clearly likelier by them: they are preferred to a herd that is hardly nearer.
+    Kinds by which turns are clearly likelier are preferred to one that is hardly nearer.
     """
-    return min(tried, key=lambda learned: _merit(learned) * (TIE if learned.kind == HERD else 1.0))
+    return min(tried, key=lambda learned: _merit(learned) * (1.0 if learned.kind in likelier else TIE))
 
 
 def hopeless(learned: Learned) -> float:

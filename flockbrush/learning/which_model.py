@@ -90,12 +90,25 @@ class ModelComparison:
 
     @property
     def contenders(self) -> list[str]:
-        """Kinds by which the turns are clearly likelier than by the herd; simulated herds decide between them."""
+        """Kinds that are learned beside the herd; simulated herds decide between them.
+
+        Those by which the turns are clearly likelier than by the herd, and general ones that are not distinguished
+        from the best.
+        """
+        return [*self.likelier, *(name for name in self.equal if self._tells() and likelihoods()[name].general)]
+
+    def _tells(self) -> bool:
+        """Whether the comparison says anything of single kinds."""
+        return self.reason in ("", _too_few(self.blocks))
+
+    @property
+    def likelier(self) -> list[str]:
+        """Kinds by which the turns are clearly likelier than by the herd; general ones are made to be."""
         herd = next((row for row in self.rows if row.name == HERD), None)
-        if herd is None or self.reason not in ("", _too_few(self.blocks)):
+        if herd is None or not self._tells():
             return []
         best = [row for row in self.rows if row.behind <= max(ERRORS * row.behind_error, LEAST)]
-        others = [row for row in best if row is not herd][:CONTENDERS]
+        others = [row for row in best if row is not herd and not likelihoods()[row.name].general][:CONTENDERS]
         gains = [(row, *_mean_and_error(row.blocks - herd.blocks)) for row in others]
         return [row.name for row, gain, error in gains if gain > max(CONTENDS * error, row.least_gain)]
 
@@ -104,10 +117,12 @@ class ModelComparison:
         """A sentence on the kind that was learned."""
         if not self.contenders:
             return f"Learned: {self.learned}, since no other model makes the turns clearly likelier."
-        others = ", ".join(self.contenders)
         if self.learned == HERD:
-            return f"Learned: herd. By {others} the turns are likelier, but simulated herds are farther from the clip."
-        return f"Learned: {self.learned}, by which turns are likelier and simulated herds are no farther from the clip."
+            return f"Learned: herd. Simulated herds of {', '.join(self.contenders)} are farther from the clip."
+        if self.learned in self.likelier:
+            how = "by which turns are likelier and simulated herds are no farther from the clip"
+            return f"Learned: {self.learned}, {how}."
+        return f"Learned: {self.learned}, whose simulated herds are nearer to the clip."
 
     @property
     def sentence(self) -> str:

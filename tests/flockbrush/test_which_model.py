@@ -55,11 +55,12 @@ def tracks(name):
 def test_a_herd_is_told_to_be_what_it_is_or_not_told_apart(name):
     found = compare_models([evidence_of(tracks(name))])
     assert name in found.equal, found.sentence
-    assert len(found.rows) == 5 and found.blocks >= 6
+    assert len(found.rows) == 6 and found.blocks >= 6
     assert all(row.behind >= 0 for row in found.rows) and not found.rows[0].told_apart
     assert set(found.contenders) <= set(found.equal) - {"herd"}
-    assert (name in found.contenders) == (name in ("zones", "boids", "morse"))
-    assert name != "herd" or not found.contenders
+    assert (name in found.contenders) == (name in ("zones", "boids", "morse", "force_map"))
+    assert ("force_map" in found.contenders) == ("force_map" in found.equal) and "force_map" not in found.likelier
+    assert name != "herd" or not found.likelier
     if name == "zones":
         assert found.equal == ["zones"] and "is zones (all animals" in found.sentence
         assert found.rows[0].params.repulsion == pytest.approx(1.0, abs=0.1)
@@ -188,7 +189,7 @@ def test_numbers_of_zones_come_with_their_errors_and_make_a_brush(tmp_path):
 
 
 def test_what_cannot_be_learned_is_refused_in_a_sentence(tmp_path):
-    assert kinds_of_models() == ["boids", "herd", "morse", "topological", "zones"]
+    assert kinds_of_models() == ["boids", "force_map", "herd", "morse", "topological", "zones"]
     with pytest.raises(ProblemsError, match="no model 'zone' can be learned; did you mean 'zones'"):
         check_kind("zone")
     with pytest.raises(ProblemsError, match="no model 'v_rules' can be learned"):
@@ -329,9 +330,10 @@ def test_of_several_kinds_the_nearest_is_kept():
     herd = learned("herd", 1.0)
     assert nearest([herd]) is herd and hopeless(herd) == 1.3
     assert nearest([herd, learned("boids", 0.95), learned("zones", 0.9)]).kind == "zones"
-    assert nearest([herd, learned("zones", 1.05)]).kind == "zones"  # its turns are likelier
-    assert nearest([herd, learned("zones", 1.15)]) is herd
-    assert nearest([herd, learned("zones", np.inf, np.nan)]) is herd  # it was stopped, or not refined
+    assert nearest([herd, learned("zones", 1.05)], ["zones"]).kind == "zones"  # its turns are likelier
+    assert nearest([herd, learned("zones", 1.05)]) is herd
+    assert nearest([herd, learned("zones", 1.15)], ["zones"]) is herd
+    assert nearest([herd, learned("zones", np.inf, np.nan)], ["zones"]) is herd  # it was stopped, or not refined
 
 
 def test_a_hopeless_search_ends(monkeypatch):

@@ -33,7 +33,7 @@ def wished(agents, animal):
 
 
 EXPLAINED = [model for model in behaviours().values() if model.explain is not None]
-MODELS = ["herd", "flee", "hunt", "boids", "raptor", "v_rules", "line_formation", "zones", "morse"]
+MODELS = ["herd", "flee", "hunt", "boids", "raptor", "v_rules", "line_formation", "zones", "morse", "force_map"]
 
 
 ASKED = [

@@ -1,0 +1,268 @@
+"""Force map: how an animal turns to others by their distance, as it is measured from tracks.
+
+Studies of tracks of animals ask how the turning of one depends on where its neighbours are, and tabulate the answer:
+force maps of fish (Katz et al. 2011 [1]_, Herbert-Read et al. 2011 [2]_), or one function for attraction and one for
+alignment (Calovi et al. 2018 [3]_).  Here these two are functions of distance, given at 1/2, 1, 2, 4 and 8 body lengths
+and linear between; nearer than the first and farther than the last they are constant.  Both are the rate of turning
+(rad/s) when the direction asked for is at right angles to the heading, and fall with the sine of the angle.  A negative
+attraction repels.
+
+Of several others that are about equally far the mean counts, as in those maps, so that a brush holds for any number of
+animals: each neighbour belongs to the two distances of the table that it is between.  With ``front_attraction`` and
+``front_alignment`` those ahead count more, or less, than those behind.
+
+Nearest points of obstacles and animals of other species repel with a rate that halves every half body length.  For
+leaders, the guide is one more direction to turn to.
+
+Lengths are in body lengths of the animal itself.
+
+.. [1] Katz, Y., Tunstrøm, K., Ioannou, C. C., Huepe, C. & Couzin, I. D. (2011). Inferring the structure and dynamics of
+   interactions in schooling fish. PNAS 108, 18720-18725.
+.. [2] Herbert-Read, J. E. et al. (2011). Inferring the rules of interaction of shoaling fish. PNAS 108, 18726-18731.
+.. [3] Calovi, D. S. et al. (2018). Disentangling and modeling interactions in fish with burst-and-coast swimming reveal
+   distinct alignment and attraction behaviors. PLoS Computational Biology 14, e1005933.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from flockbrush.behaviours.behaviour import (
+    ByRow,
+    Guided,
+    Parameters,
+    Wishes,
+    behaviour,
+    quantity,
+    share_guided,
+    who_is_guided,
+)
+from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.wander import how_far, how_long, wander
+from flockbrush.engine.maths import exp_, kernel_function, sincos_
+from flockbrush.engine.parallel import over_rows
+from numba import njit
+
+KNOTS = {"half": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "8": 8.0}  # BL, as parameters name them
+MANY = len(KNOTS)
+HALVES = 2.0 * math.log(2.0)  # 1/BL: repulsion by strangers halves every half body length
+
+
+def _attraction(default, where):
+    return quantity(default, "rad/s", f"turning to animals at {where}; negative: away from them", -100, 100)
+
+
+def _alignment(default, where):
+    return quantity(default, "rad/s", f"turning to the heading of animals at {where}", -100, 100)
+
+
+class Params(Parameters):
+    """Attraction and alignment by distance, and what lies ahead."""
+
+    attraction_half: float = _attraction(-6.0, "1/2 body length")
+    attraction_1: float = _attraction(-1.0, "1 body length")
+    attraction_2: float = _attraction(0.5, "2 body lengths")
+    attraction_4: float = _attraction(1.0, "4 body lengths")
+    attraction_8: float = _attraction(1.0, "8 body lengths and more")
+    alignment_half: float = _alignment(0.5, "1/2 body length")
+    alignment_1: float = _alignment(1.0, "1 body length")
+    alignment_2: float = _alignment(1.0, "2 body lengths")
+    alignment_4: float = _alignment(0.5, "4 body lengths")
+    alignment_8: float = _alignment(0.0, "8 body lengths and more")
+    front_attraction: float = quantity(
+        0.0, "1", "1: only those ahead attract and repel, -1: only those behind", -1, 1
+    )
+    front_alignment: float = quantity(0.0, "1", "1: only those ahead align, -1: only those behind", -1, 1)
+    obstacle_repulsion: float = quantity(
+        12.0, "rad/s", "turning away from obstacles and animals of other species at distance 0", 0, 200
+    )
+    max_turn: float = quantity(10.0, "rad/s", "fastest turn, random turns included", 0.01, 200)
+    wander: float = how_far(0.3)
+    wander_time: float = how_long()
+    guidance_weight: float = quantity(3.0, "rad/s", "turning of an animal that follows a guide", 0, 200)
+    guided: Guided = who_is_guided("share", "all, a share, or only appointed ones; front: none in this model")
+    guided_share: float = share_guided()
+
+    sliders: ClassVar = {
+        "tightness": DesignerSlider(
+            "Loose to close together", (moves("attraction_4", 0.0, 6.0), moves("attraction_8", 0.0, 6.0))
+        ),
+        "order": DesignerSlider(
+            "Random headings to common heading",
+            (moves("alignment_2", 0.0, 6.0), moves("alignment_1", 0.0, 6.0), moves("alignment_4", 0.0, 3.0)),
+            unproved="alignment",
+        ),
+        "personal space": DesignerSlider(
+            "Close contact to wide spacing", (moves("attraction_1", 2.0, -12.0), moves("attraction_2", 2.0, -4.0))
+        ),
+        "nerve": DesignerSlider("Slow to quick turns", (moves("max_turn", 0.3, 12.0, True),)),
+        "wander": DesignerSlider("Straight paths to random turns", (moves("wander", 0.0, 2.0),)),
+        **SLIDERS,
+    }
+
+
+def explain(scene, row, p):
+    """Why this animal turns: by how much each force does, and the heading that is left, {reason: (2,)}.
+
+    Written plainly, for one animal; a test compares it with `steer`.
+    """
+    forward, length = scene.forward[row, :2], scene.length[row]
+    seen = slice(scene.first[row], scene.first[row + 1])
+    who, offset = scene.near[seen], scene.offset[seen] / length
+    walls = scene.obstacle_offset[scene.obstacle_first[row] : scene.obstacle_first[row + 1]] / length
+    kin = scene.species[who] == scene.species[row]
+    attraction, alignment = _tables(p)
+    away = _shared(offset[kin], forward, offset[kin], p.front_attraction, True)
+    along = _shared(offset[kin], forward, scene.forward[who[kin], :2], p.front_alignment)
+    forces = {
+        "cohesion": np.maximum(attraction, 0.0) @ away,
+        "avoidance": np.minimum(attraction, 0.0) @ away - p.obstacle_repulsion * _strangers(offset[~kin]),
+        "alignment": alignment @ along,
+        "obstacles": -p.obstacle_repulsion * _strangers(walls),
+    }
+    guidance = scene.guidance[row]
+    if scene.leader[row] and np.hypot(*guidance) > 1e-6:
+        forces["guide"] = p.guidance_weight * guidance / np.hypot(*guidance)
+    left = np.array([-forward[1], forward[0]])
+    across = {name: float(force @ left) for name, force in forces.items()}
+    total, most = sum(across.values()), p.max_turn * scene.dt
+    turn = float(np.clip(total * scene.dt, -most, most))
+    reasons = {"heading": np.cos(turn) * forward}
+    if total != 0.0:
+        reasons |= {name: np.sin(turn) * part / total * left for name, part in across.items() if part != 0.0}
+    direction = np.zeros((1, 3))
+    _steer(scene, np.array([row], np.int32), p, direction)
+    chance = direction[0, :2] - sum(reasons.values())
+    return reasons | ({"wander": chance} if p.wander > 0.0 else {})
+
+
+def _tables(p):
+    """Attraction and alignment by distance, (MANY,) each."""
+    return tuple(np.array([getattr(p, f"{of}_{knot}") for knot in KNOTS]) for of in ("attraction", "alignment"))
+
+
+def _shared(offset, forward, vectors, front, to_unit=False):
+    """Mean of vectors (n, 2) by distance of the table, (MANY, 2), those ahead weighed by ``front``."""
+    far = np.hypot(*offset.T)
+    there = far > 0
+    share = np.array([np.interp(far[there], list(KNOTS.values()), one) for one in np.eye(MANY)])
+    bearing = offset[there] @ forward / far[there]
+    vectors = vectors[there] / (far[there, None] if to_unit else 1.0) * (1.0 + front * bearing)[:, None]
+    return share @ vectors / np.maximum(share.sum(1), 1.0)[:, None]
+
+
+def _strangers(offset):
+    """The sum (2,) of unit vectors to ``offset`` (n, 2), which halve every half body length."""
+    far = np.hypot(*offset.T)
+    there = far > 0
+    return (np.exp(-far[there] * HALVES) / far[there]) @ offset[there]
+
+
+@behaviour("force_map", Params, explain=explain)
+def steer(scene, rows, p):
+    """Turn as the map says."""
+    direction = np.zeros((len(rows), 3))
+    _steer(scene, rows, p, direction)
+    return Wishes(direction, np.ones(len(rows)))
+
+
+class _Animals(NamedTuple):
+    """The columns that the kernel reads."""
+
+    forward: Any
+    length: Any
+    species: Any
+    leader: Any
+    guidance: Any
+
+
+class _Map(NamedTuple):
+    """The parameters as the kernel wants them."""
+
+    attraction: Any  # (MANY,) rad/s
+    alignment: Any
+    front_attraction: float
+    front_alignment: float
+    repulsion: float
+    guidance_weight: float
+    turn: float  # rad, at most
+    dt: float
+
+
+def _steer(s, rows, p, direction):
+    """Write the next headings, chance and all."""
+    table = _Map(
+        *_tables(p), p.front_attraction, p.front_alignment, p.obstacle_repulsion, p.guidance_weight, p.max_turn * s.dt,
+        s.dt,
+    )  # fmt: skip
+    animals = _Animals(s.forward, s.length, s.species, s.leader, s.guidance)
+    others, walls = ByRow(s.first, s.near, s.offset), ByRow(s.obstacle_first, s.near[:0], s.obstacle_offset)
+    over_rows(_turn, len(rows), rows, animals, others, walls, table, direction)
+    wander(s, rows, p, direction)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turn(lo, hi, rows, animals, others, walls, table, direction):
+    sums = np.empty((MANY, 5))  # of each distance: how many, directions to them, their headings
+    for k in range(lo, hi):
+        i = rows[k]
+        fx, fy = animals.forward[i, 0], animals.forward[i, 1]
+        x, y = _force(i, animals, others, walls, table, sums)
+        gx, gy = animals.guidance[i, 0], animals.guidance[i, 1]
+        size = np.sqrt(gx * gx + gy * gy)
+        if animals.leader[i] and size > 1e-6:
+            x, y = x + table.guidance_weight * gx / size, y + table.guidance_weight * gy / size
+        turn = (fx * y - fy * x) * table.dt
+        sine, cosine = sincos_(min(max(turn, -table.turn), table.turn))
+        direction[k, 0], direction[k, 1] = cosine * fx - sine * fy, sine * fx + cosine * fy
+
+
+@kernel_function
+def _force(i, animals, others, walls, table, sums):
+    """The force on row i, rad/s."""
+    per, fx, fy = 1.0 / animals.length[i], animals.forward[i, 0], animals.forward[i, 1]
+    sums[:] = 0.0
+    rx = ry = 0.0
+    for at in range(others.first[i], others.first[i + 1]):
+        j, x, y = others.near[at], per * others.offset[at, 0], per * others.offset[at, 1]
+        d = np.sqrt(x * x + y * y)
+        if d == 0.0:
+            continue
+        x, y = x / d, y / d
+        if animals.species[j] != animals.species[i]:
+            push = exp_(-d * HALVES)
+            rx, ry = rx - push * x, ry - push * y
+            continue
+        ahead, knot, share = x * fx + y * fy, 0, 0.0
+        if d >= 8.0:
+            knot, share = MANY - 2, 1.0
+        elif d >= 4.0:
+            knot, share = 3, 0.25 * d - 1.0
+        elif d >= 2.0:
+            knot, share = 2, 0.5 * d - 1.0
+        elif d >= 1.0:
+            knot, share = 1, d - 1.0
+        elif d > 0.5:
+            share = 2.0 * d - 1.0
+        to, with_ = 1.0 + table.front_attraction * ahead, 1.0 + table.front_alignment * ahead
+        for q in range(2):
+            part, own = share if q else 1.0 - share, sums[knot + q]
+            own[0] += part
+            own[1] += part * to * x
+            own[2] += part * to * y
+            own[3] += part * with_ * animals.forward[j, 0]
+            own[4] += part * with_ * animals.forward[j, 1]
+    for at in range(walls.first[i], walls.first[i + 1]):
+        x, y = per * walls.offset[at, 0], per * walls.offset[at, 1]
+        d = np.sqrt(x * x + y * y)
+        if d > 0.0:
+            push = exp_(-d * HALVES) / d
+            rx, ry = rx - push * x, ry - push * y
+    x, y = table.repulsion * rx, table.repulsion * ry
+    for q in range(MANY):
+        per_animal = 1.0 / max(sums[q, 0], 1.0)
+        x += per_animal * (table.attraction[q] * sums[q, 1] + table.alignment[q] * sums[q, 3])
+        y += per_animal * (table.attraction[q] * sums[q, 2] + table.alignment[q] * sums[q, 4])
+    return x, y
