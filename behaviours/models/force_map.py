@@ -71,9 +71,7 @@ class Params(Parameters):
     alignment_2: float = _alignment(1.0, "2 body lengths")
     alignment_4: float = _alignment(0.5, "4 body lengths")
     alignment_8: float = _alignment(0.0, "8 body lengths and more")
-    front_attraction: float = quantity(
-        0.0, "1", "1: only those ahead attract and repel, -1: only those behind", -1, 1
-    )
+    front_attraction: float = quantity(0.0, "1", "1: only those ahead attract and repel, -1: only those behind", -1, 1)
     front_alignment: float = quantity(0.0, "1", "1: only those ahead align, -1: only those behind", -1, 1)
     obstacle_repulsion: float = quantity(
         12.0, "rad/s", "turning away from obstacles and animals of other species at distance 0", 0, 200

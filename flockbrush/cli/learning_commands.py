@@ -117,7 +117,7 @@ class FitOptions(WrittenOptions):
         str,
         typer.Option(
             metavar="NAME",
-            help="Model to learn: herd, zones, morse, topological, boids or another on the ground; "
+            help="Model to learn: herd, zones, morse, force_map, topological, boids or another on the ground; "
             "auto: chosen from the clip.",
         ),
     ] = "auto"

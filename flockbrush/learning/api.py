@@ -127,9 +127,10 @@ def learn(
         beside : bool, optional
             Judge it beside the shipped brushes, too; by default, where it is not quick.
         model : str, "auto"
-            "herd", "zones", "morse", "topological", "boids" or the name of another model on the ground; "auto"
-            compares those with a likelihood (``result.models``) and learns the herd, or another by which the turns are
-            clearly likelier and whose simulated herds are no farther from the tracks.
+            "herd", "zones", "morse", "force_map", "topological", "boids" or the name of another model on the ground;
+            "auto" compares those with a likelihood (``result.models``) and learns the herd, or another by which the
+            turns are clearly likelier and whose simulated herds are no farther from the tracks, or "force_map" if its
+            herds are nearest.
 
     Raises
     ------

@@ -33,6 +33,10 @@ DAMPING, MOST_DAMPING = 1e-2, 1e4
 BETTER = 1e-4  # of the likelihood of a turn: a descent ends when a step gains less
 
 
+# by how many standard deviations (r,) values of free parameters are off what is expected of them; linear in the values
+Prior = Callable[[Mapping[str, float]], np.ndarray]
+
+
 @dataclass(frozen=True)
 class Likelihood:
     """Estimation of one kind of model from turns."""
@@ -51,6 +55,7 @@ class Likelihood:
     by_walls: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # whether it assumes little of how answers fall with distance: then it is learned wherever it may be the right one
     general: bool = False
+    prior: Prior | None = None  # what is expected of the free parameters
 
     def told_by(self, turns: Turns) -> dict[str, tuple[float, float]]:
         """Free parameters that these turns tell, and where they are looked for."""
@@ -120,7 +125,19 @@ def scales_of(numbers: Mapping[str, tuple[float, float]], x) -> np.ndarray:
     ])  # fmt: skip
 
 
-def searched(turns: Turns, model: Behaviour, numbers, base: Parameters, seed: int, begin=None) -> Parameters:
+def tension(prior: Prior | None, numbers, x) -> tuple[np.ndarray, np.ndarray]:
+    """The pull (d,) of a prior on positions in the ranges of numbers, and its precision (d, d); zeros without one."""
+    d = len(x)
+    if prior is None:
+        return np.zeros(d), np.zeros((d, d))
+    here = prior(read(numbers, x))
+    steps = np.array([prior(read(numbers, x + DIFFERENCE * one)) - here for one in np.eye(d)]) / DIFFERENCE
+    return -steps @ here, steps @ steps.T
+
+
+def searched(
+    turns: Turns, model: Behaviour, numbers, base: Parameters, seed: int, begin=None, prior: Prior | None = None
+) -> Parameters:
     """The likeliest parameters of a model without derivatives.
 
     From several places a short evolution, then damped Gauss-Newton steps with differences for slopes: few animals stand
@@ -134,11 +151,13 @@ def searched(turns: Turns, model: Behaviour, numbers, base: Parameters, seed: in
         The other parameters, and one of the places to begin.
     begin : Params, optional
         Look near these only.
+    prior : Prior, optional
+        What is expected of them besides.
     """
-    many = Slopes(thinned(turns, MANY), model, numbers, base)
+    many = Slopes(thinned(turns, MANY), model, numbers, base, prior)
     if begin is not None:
         return many.params(many.descended(place(numbers, begin), LAST_STEPS)[1])
-    few, chance = Slopes(thinned(turns, FEW), model, numbers, base), np.random.default_rng([seed, 61])
+    few, chance = Slopes(thinned(turns, FEW), model, numbers, base, prior), np.random.default_rng([seed, 61])
     begins = [place(numbers, base), *chance.uniform(0.1, 0.9, (STARTS - 1, len(numbers)))]
     ends = [few.descended(_evolved(few.loss, x, (seed, k))[1], STEPS) for k, x in enumerate(begins)]
     return many.params(many.descended(min(ends, key=lambda end: end[0])[1], LAST_STEPS)[1])
@@ -159,8 +178,9 @@ def _evolved(loss, centre, seed):
 class Slopes:
     """The likelihood of turns by positions between 0 and 1, and the way down."""
 
-    def __init__(self, turns, model, numbers, base):
+    def __init__(self, turns, model, numbers, base, prior: Prior | None = None):
         self.steps, self.model, self.numbers, self.base = NextSteps(turns), model, numbers, base
+        self.prior = prior
 
     def params(self, x):
         """The parameters at a place."""
@@ -176,7 +196,14 @@ class Slopes:
 
     def loss(self, x):
         """To be made small."""
-        return -mean_score(self.off(x), self.steps.turns.weight)[0]
+        return self.strain(x) - mean_score(self.off(x), self.steps.turns.weight)[0]
+
+    def strain(self, x):
+        """What the prior takes from the likelihood of a turn."""
+        if self.prior is None:
+            return 0.0
+        unexpected = self.prior(read(self.numbers, x))
+        return 0.5 * float(unexpected @ unexpected) / max(float(self.steps.turns.weight.sum()), 1.0)
 
     def slopes(self, x, off):
         """(k, d) of what is predicted, by differences to the side where there is room."""
@@ -192,15 +219,20 @@ class Slopes:
         weight, x, damping = self.steps.turns.weight, np.array(x, float), DAMPING
         off = self.off(x)
         score, spread = mean_score(off, weight)
+        score -= self.strain(x)
         for _ in range(steps):
             slopes, was = self.slopes(x, off), score
             share = weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
             pull, system = normal_equations(slopes, share, off)
+            if self.prior is not None:
+                back, precision = tension(self.prior, self.numbers, x)
+                pull, system = pull + spread**2 * back, system + spread**2 * precision
             scale = np.diag(system) + 1e-9 * max(float(np.diag(system).max()), 1e-30)
             while damping < MOST_DAMPING:
                 trial = np.clip(x + np.linalg.solve(system + np.diag(damping * scale), pull), 0.0, 1.0)
                 off_there = self.off(trial)
                 there, wide = mean_score(off_there, weight)
+                there -= self.strain(trial)
                 if there > score:
                     x, off, score, spread, damping = trial, off_there, there, wide, max(damping / 5.0, 1e-6)
                     break

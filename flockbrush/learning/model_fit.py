@@ -20,7 +20,7 @@ from flockbrush.learning.confounding import correlation_of
 from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.initial_conditions import body_of, speed_of
 from flockbrush.learning.learned_parameters import Attempt, Learned
-from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, read, scales_of
+from flockbrush.learning.likelihood import Likelihood, Slopes, likelihoods, place, read, scales_of, tension
 from flockbrush.learning.model_search import (
     CHANCE,
     STEP,
@@ -113,13 +113,13 @@ def learned_model(
     vision, params = likeliest(kind, blocks, seed)
     train = blocks.train(vision)
     told = kind.told_by(train)
-    slopes, x = Slopes(train, kind.behaviour, told, params), place(told, params)
-    information, spread = _information(slopes, x)
+    slopes, x = Slopes(train, kind.behaviour, told, params, kind.prior), place(told, params)
+    information, precision, spread = _information(slopes, x)
     params, numbers = with_wander(params, wander_of(spread, blocks)), {**told, **kind.untold}
     steps = NextSteps(thinned(slopes.steps.turns, PACES))
     given = ModelSetting.of_model(clips, params, vision, numbers, steps)
     turns = max(float(slopes.steps.turns.weight.sum()), 1.0)
-    begin, shape = place(given.numbers, params), first_shape(list(given.numbers), information / turns, STEP)
+    begin, shape = place(given.numbers, params), first_shape(list(given.numbers), information / turns, precision, STEP)
     start, stopped = Attempt(name, seed, begin, begin), False
     try:
         if not quick:
@@ -130,7 +130,8 @@ def learned_model(
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
     x = start.theta[: len(told)]
-    return _as_learned(kind, given, told, x, _information(slopes, x)[0], start, stopped)
+    information, precision, _ = _information(slopes, x)
+    return _as_learned(kind, given, told, x, information + precision, start, stopped)
 
 
 def answering(given: ModelSetting, kind: Likelihood, params, seed: int) -> list:
@@ -169,11 +170,12 @@ def chance_of(params) -> dict[str, float]:
 
 
 def _information(slopes: Slopes, x):
-    """(d, d) Fisher information of the numbers at positions x, and the spread of what they leave over, rad."""
+    """Of the numbers at positions x: Fisher information and the prior's precision (d, d); the spread left over, rad."""
     off = slopes.off(x)
     spread = slopes.score(off)[1]
     share = slopes.steps.turns.weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2) / spread**2
-    return normal_equations(slopes.slopes(x, off), share, off)[1], spread
+    fisher = normal_equations(slopes.slopes(x, off), share, off)[1]
+    return fisher, tension(slopes.prior, slopes.numbers, x)[1], spread
 
 
 def _as_learned(kind: Likelihood, given: ModelSetting, numbers, x, information, start, stopped) -> Learned:

@@ -84,8 +84,10 @@ def speed_by(steps: NextSteps, params, observed: SpeedSpec) -> SpeedSpec:
     return own_speed(observed, steps.paces(model_of(params), params), steps.turns.weight)
 
 
-def first_shape(numbers, information, step) -> np.ndarray:
+def first_shape(numbers, information, precision, step) -> np.ndarray:
     """Covariance of a first generation, in squares of the step, that leaves the next steps about as likely.
+
+    It is no wider than what a prior expects.
 
     Parameters
     ----------
@@ -93,11 +95,13 @@ def first_shape(numbers, information, step) -> np.ndarray:
         Those searched for.
     information : (k, k) ndarray
         Fisher information in one turn of the first k of them.
+    precision : (k, k) ndarray
+        Of the prior of these; zeros without one.
     step : float
         Standard deviation where turns say nothing.
     """
     told = np.zeros((len(numbers), len(numbers)))
-    told[: len(information), : len(information)] = information / LOOSE**2
+    told[: len(information), : len(information)] = information / LOOSE**2 + precision
     free = [k for k, name in enumerate(numbers) if name in EXTRAS]  # what noise hides is not held by the turns
     told[free], told[:, free] = 0.0, 0.0
     most = np.where(np.isin(np.arange(len(numbers)), free), STEP_OF_EXTRAS, step)

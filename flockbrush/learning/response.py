@@ -29,7 +29,8 @@ from flockbrush.film.missing_animals import trust
 from flockbrush.film.observations import Evidence, Sightings
 from flockbrush.learning.battery import DEVIATIONS, MEASURES, BatteryRow, same_animals, seen_run
 from flockbrush.learning.herd_views import told_apart
-from flockbrush.learning.likelihood import Slopes, likelihood_of, place
+from flockbrush.learning.likelihood import MANY as FITTED
+from flockbrush.learning.likelihood import Slopes, likelihood_of, place, tension
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import Run, theta_of
@@ -111,6 +112,8 @@ def scatters(
 def correction(clip: Evidence, brush, runs: Sequence[Run], turns: Callable[[], Turns | None]) -> np.ndarray | None:
     """By how much to change the nine numbers of a herd so that runs answer to neighbours as the clip does, (9,).
 
+    Of another model by how much to change the positions of its numbers, as far as its prior lets them.
+
     Turns that last and noise hide a part of the answer, in runs as in the clip; numbers that were fitted to a clip are
     off by that part (indirect inference [2]_, one step). None if too few turns are seen.
     """
@@ -118,8 +121,13 @@ def correction(clip: Evidence, brush, runs: Sequence[Run], turns: Callable[[], T
     theirs = [_answer_of_run(run, clip, brush) for run in runs]
     if mine is None or any(other is None for other in theirs):
         return None
-    values, vectors = _told([mine, *theirs])
     more = mine.pull - np.mean([a.pull for a in theirs], axis=0)
+    kind = likelihood_of(brush.params)
+    if kind is not None and kind.prior is not None:
+        precision = tension(kind.prior, kind.numbers, place(kind.numbers, brush.params))[1]
+        gram = np.mean([a.gram for a in (mine, *theirs)], axis=0)
+        return np.linalg.solve(gram + mine.scatter**2 / FITTED * precision, more)
+    values, vectors = _told([mine, *theirs])
     return vectors @ ((more @ vectors) / values)
 
 

@@ -22,7 +22,8 @@ from flockbrush.learning.html_page import ReportPage
 from flockbrush.learning.initial_conditions import speed_of
 from flockbrush.learning.learned_brush import brush_of
 from flockbrush.learning.learned_parameters import Attempt
-from flockbrush.learning.likelihood import likelihoods, place, read
+from flockbrush.learning.likelihood import likelihoods, place, read, searched, tension
+from flockbrush.learning.likelihoods import force_map
 from flockbrush.learning.model_choice import add_models, as_json, check_kind, hopeless, kind_of, nearest, table_of
 from flockbrush.learning.model_fit import answering, kinds_of_models, learned_model
 from flockbrush.learning.model_search import ModelSetting, first_shape, speed_by
@@ -318,9 +319,40 @@ def test_what_turns_do_not_tell_is_found_by_simulated_herds(monkeypatch):
 
 def test_a_first_generation_leaves_the_next_steps_as_likely():
     numbers, step = ["repulsion", "max_turn", "wander"], 0.1
-    shape = first_shape(numbers, np.diag([1e6, 1e6]), step) * step**2
+    shape = first_shape(numbers, np.diag([1e6, 1e6]), np.zeros((2, 2)), step) * step**2
     width = np.sqrt(np.diag(shape))
     assert width[0] < 1e-3 and width[1] == pytest.approx(0.04) and width[2] == pytest.approx(0.04)
+
+
+def test_a_map_is_smooth_where_turns_tell_little():
+    clip, truth = evidence_of(tracks("force_map")[:40, :12]), TRUTHS["force_map"].params
+    turns = TurnBlocks([clip]).train(VisionSpec(range=16.0, occlusion=False, sight="metric"))
+    found = [
+        searched(turns, behaviours()["force_map"], force_map.NUMBERS, force_map.Params(), 0, None, prior)
+        for prior in (None, force_map.unevenness)
+    ]
+    plain, smooth = (np.abs(place(force_map.NUMBERS, one) - place(force_map.NUMBERS, truth)).mean() for one in found)
+    assert smooth < 0.75 * plain
+    values, d = dict.fromkeys(force_map.NUMBERS, 1.0) | {"front_attraction": 0.0, "front_alignment": 0.0}, 12
+    assert not force_map.unevenness(values).any()  # of level maps nothing is said
+    pull, precision = tension(force_map.unevenness, force_map.NUMBERS, np.full(d, 0.3))
+    bump = np.eye(d)[2] * 0.01
+    there = tension(force_map.unevenness, force_map.NUMBERS, np.full(d, 0.3) + bump)[0]
+    np.testing.assert_allclose(there - pull, -precision @ bump, atol=1e-6)
+
+
+def test_general_models_contend_where_they_may_be_the_best():
+    vision, base = VisionSpec(range=8.0), 0.001 * np.arange(8)
+    rows = [ModelRow(name, name, vision, None, 0.0, 0.1, blocks=base) for name in ("herd", "force_map")]
+    found = ModelComparison(rows, 0.5, 8)
+    assert found.contenders == ["force_map"] and not found.likelier and found.learned == "herd"
+    assert "force_map are farther" in found.decision
+    found.learned = "force_map"
+    assert found.decision == "Learned: force_map, whose simulated herds are nearer to the clip."
+    rows[1].told_apart = True
+    assert not found.contenders and "no other model" in ModelComparison(rows, 0.5, 8).decision
+    rows[1].told_apart, found.reason = False, "the headings of the animals are too noisy"
+    assert not found.contenders
 
 
 def test_of_several_kinds_the_nearest_is_kept():

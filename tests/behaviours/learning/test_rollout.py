@@ -54,7 +54,7 @@ def test_a_herd_here_and_the_same_herd_in_a_level_are_the_same_bits(name):
 
 
 @pytest.mark.parametrize("obstacle", [False, True])
-@pytest.mark.parametrize("name", ["zones", "zones, seen", "morse", "topological, 6", "voronoi"])
+@pytest.mark.parametrize("name", ["zones", "zones, seen", "morse", "force_map", "topological, 6", "voronoi"])
 def test_a_herd_of_any_model_on_the_ground_is_that_of_a_level(name, obstacle):
     """With a choice among those in view, paces that the model asks for, and random turns that last."""
     known = truths()
