@@ -19,7 +19,10 @@ def is_tuned(brush: Brush, library) -> bool:
 
 
 def tuned_by(commands: Iterable, library) -> list[Brush]:
-    """Brushes as these commands leave them, one after another, if they have other numbers than their files."""
+    """Brushes as these commands leave them, one after another, if they have other numbers than their files.
+
+    One that the commands made, which has no file, if they changed it afterwards.
+    """
     texts: dict[str, UseBrush] = {}
     numbers: dict[str, dict[str, float]] = {}
     for command in commands:
@@ -33,4 +36,5 @@ def tuned_by(commands: Iterable, library) -> list[Brush]:
         with suppress(ProblemsError):  # of a brush between two others there is no file
             brush = texts[name].brush() if name in texts else library.get(name)
             brushes.append(brush.with_parameters(**numbers[name]) if name in numbers else brush)
-    return [brush for brush in brushes if is_tuned(brush, library)]
+    made = numbers.keys() - set(library.names())
+    return [brush for brush in brushes if brush.name in made or is_tuned(brush, library)]

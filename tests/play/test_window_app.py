@@ -8,6 +8,7 @@ import numpy as np
 import pygame
 import pytest
 from flockbrush.behaviours.brush import load_brush
+from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.behaviours.program import shipped_programs
 from flockbrush.systems.commands import SetParameter
 from flockbrush.systems.edits import PlaceGoal
@@ -219,6 +220,15 @@ def test_brushes_with_the_numbers_of_their_files_ask_nothing(window, again):
         window.session.do("pace", [SetParameter("march", "max_turn", usual)])
     window.key("ctrl+q")
     assert not window.running
+
+
+def test_a_brush_that_was_made_in_the_run_and_is_in_no_file_asks_once_it_is_changed(window):
+    own = window.session.library.get("march").with_parameters(max_turn=2.0)
+    window.session.do("brush", [UseBrush("mine", brush_to_toml(own))])
+    assert not window.session.unsaved_brushes()
+    window.session.do("pace", [SetParameter("mine", "max_turn", 1.25)])
+    window.key("ctrl+q")
+    assert "unsaved changes of the brush mine." in window.dialog.question
 
 
 def test_menus_of_the_time_bar_open_over_everything_and_escape_closes_them(window):
