@@ -35,6 +35,7 @@ REFERENCE = VisionSpec(range=8.0), Params(neighbour_range=8.0)  # leaders by thi
 ERRORS = 3.0  # standard errors between two models that are distinguished,
 LEAST = 0.01  # and so much of the logarithm of the likelihood of a step
 CONTENDS, GAIN, CONTENDERS = 2.0, 0.05, 2  # the same for models that are tried beside the herd, and how many at most
+FAR_BEHIND = 0.15  # of the logarithm of the likelihood of a step: general models that are farther behind are not tried
 GAIN_WITH_SPEEDS = 0.15  # instead of `GAIN`, of models that set speeds themselves, of which turns tell nothing
 NOISIEST = 0.2  # rad: turns with more noise are not used, as of animals that push each other
 CLEAR = 1.5  # times the noise of headings: smaller turns are not used
@@ -92,10 +93,10 @@ class ModelComparison:
     def contenders(self) -> list[str]:
         """Kinds that are learned beside the herd; simulated herds decide between them.
 
-        Those by which the turns are clearly likelier than by the herd, and general ones that are not distinguished
-        from the best.
+        Those by which the turns are clearly likelier than by the herd, and general ones that are not far behind.
         """
-        return [*self.likelier, *(name for name in self.equal if self._tells() and likelihoods()[name].general)]
+        general = [row.name for row in self.rows if likelihoods()[row.name].general and row.behind < FAR_BEHIND]
+        return [*self.likelier, *(general if self._tells() else [])]
 
     def _tells(self) -> bool:
         """Whether the comparison says anything of single kinds."""
@@ -177,6 +178,8 @@ def compare_models(clips: Sequence[Evidence], names: Sequence[str] | None = None
     known = likelihoods()
     kinds = [known[name] for name in (names or known) if names or not problem_of(clips, known[name].behaviour)]
     blocks = TurnBlocks(clips)
+    if not kinds:
+        return ModelComparison([], math.nan, 0, problem_of(clips))
     if not blocks.reference:
         return ModelComparison([], math.nan, 0, "no turns of animals are visible")
     return _ranked([_row(kind, blocks, seed) for kind in kinds], blocks)

@@ -16,7 +16,7 @@ from flockbrush.engine.problems import ProblemsError
 import flockbrush
 from benchmarks.learning_models import evidence_of, tracks_of, truths
 from benchmarks.learning_models import table_of as confusion_of
-from flockbrush.learning import model_fit, model_search, trials
+from flockbrush.learning import model_fit, model_search, trials, which_model
 from flockbrush.learning.confounding import estimates_of
 from flockbrush.learning.html_page import ReportPage
 from flockbrush.learning.initial_conditions import speed_of
@@ -58,9 +58,8 @@ def test_a_herd_is_told_to_be_what_it_is_or_not_told_apart(name):
     assert name in found.equal, found.sentence
     assert len(found.rows) == 6 and found.blocks >= 6
     assert all(row.behind >= 0 for row in found.rows) and not found.rows[0].told_apart
-    assert set(found.contenders) <= set(found.equal) - {"herd"}
+    assert set(found.likelier) <= set(found.equal) - {"herd", "force_map"}
     assert (name in found.contenders) == (name in ("zones", "boids", "morse", "force_map"))
-    assert ("force_map" in found.contenders) == ("force_map" in found.equal) and "force_map" not in found.likelier
     assert name != "herd" or not found.likelier
     if name == "zones":
         assert found.equal == ["zones"] and "is zones (all animals" in found.sentence
@@ -341,6 +340,12 @@ def test_a_map_is_smooth_where_turns_tell_little():
     np.testing.assert_allclose(there - pull, -precision @ bump, atol=1e-6)
 
 
+def test_nothing_is_compared_where_no_kind_can_be_learned(monkeypatch):
+    monkeypatch.setattr(which_model, "problem_of", lambda *_: "it shows a part of a herd")
+    found = compare_models([evidence_of(tracks("zones")[:48, :10])])
+    assert found.rows == [] and found.contenders == [] and found.reason == "it shows a part of a herd"
+
+
 def test_general_models_contend_where_they_may_be_the_best():
     vision, base = VisionSpec(range=8.0), 0.001 * np.arange(8)
     rows = [ModelRow(name, name, vision, None, 0.0, 0.1, blocks=base) for name in ("herd", "force_map")]
@@ -349,9 +354,11 @@ def test_general_models_contend_where_they_may_be_the_best():
     assert "force_map are farther" in found.decision
     found.learned = "force_map"
     assert found.decision == "Learned: force_map, whose simulated herds are nearer to the clip."
-    rows[1].told_apart = True
+    rows[1].told_apart, rows[1].behind = True, 0.1
+    assert found.contenders == ["force_map"]
+    rows[1].behind = 0.2
     assert not found.contenders and "no other model" in ModelComparison(rows, 0.5, 8).decision
-    rows[1].told_apart, found.reason = False, "the headings of the animals are too noisy"
+    rows[1].behind, found.reason = 0.0, "the headings of the animals are too noisy"
     assert not found.contenders
 
 
