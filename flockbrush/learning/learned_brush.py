@@ -115,8 +115,11 @@ def _line(text) -> str:
 
 
 def _source(evidences):
-    kind = "photograph" if evidences[0].still else "clip"
-    return f"learned from the {kind} {', '.join(Path(e.name).name for e in evidences)}"
+    return f"learned from the {_shown_as(evidences[0])} {', '.join(Path(e.name).name for e in evidences)}"
+
+
+def _shown_as(evidence):
+    return "photograph" if evidence.still else "tracks" if evidence.from_tracks else "clip"
 
 
 def description(clip: Evidence, learned: Learned) -> str:
@@ -157,19 +160,19 @@ def plain(name: str) -> str:
 
 def _sentences(learned, evidences):
     """What is known of the numbers, and what is not."""
-    names = np.array([plain(name) for name in learned.names])
+    names, shown = np.array([plain(name) for name in learned.names]), _shown_as(evidences[0])
     sure = names[np.asarray(learned.identifiable, bool)]
     unsure = names[~np.asarray(learned.identifiable, bool)]
     if learned.interrupted:
         yield "Learning was interrupted; these are the best parameters so far."
     if len(sure):
-        yield f"Identifiable from the clip: {', '.join(sure)}."
+        yield f"Identifiable from the {shown}: {', '.join(sure)}."
     if len(unsure):
-        yield f"Not identifiable from the clip (other values fit equally well): {', '.join(unsure)}."
+        yield f"Not identifiable from the {shown} (other values fit equally well): {', '.join(unsure)}."
     if learned.extras:
         told = ", ".join(f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}"
                          for key, value in learned.extras.items())  # fmt: skip
-        yield f"Also set from the clip: {told}."
+        yield f"Also set from the {shown}: {told}."
     clip = evidences[0]
     yield f"One body length is {clip.length_told}; {clip.fps:g} frames per second."
     if clip.sightings is None and not clip.still:

@@ -113,13 +113,14 @@ def learned_model(
     vision, params = likeliest(kind, blocks, seed)
     train = blocks.train(vision)
     told = kind.told_by(train)
-    slopes, x = Slopes(train, kind.behaviour, told, params, kind.prior), place(told, params)
-    information, precision, spread = _information(slopes, x)
+    slopes, x = Slopes(train, kind.behaviour, told, params), place(told, params)
+    information, spread = _information(slopes, x)
     params, numbers = with_wander(params, wander_of(spread, blocks)), {**told, **kind.untold}
     steps = NextSteps(thinned(slopes.steps.turns, PACES))
     given = ModelSetting.of_model(clips, params, vision, numbers, steps)
     turns = max(float(slopes.steps.turns.weight.sum()), 1.0)
-    begin, shape = place(given.numbers, params), first_shape(list(given.numbers), information / turns, precision, STEP)
+    begin, precision = place(given.numbers, params), tension(kind.prior, told, x)[1]
+    shape = first_shape(list(given.numbers), information / turns, precision, STEP)
     start, stopped = Attempt(name, seed, begin, begin), False
     try:
         if not quick:
@@ -130,8 +131,7 @@ def learned_model(
     except (KeyboardInterrupt, WorkStopped):
         stopped = True
     x = start.theta[: len(told)]
-    information, precision, _ = _information(slopes, x)
-    return _as_learned(kind, given, told, x, information + precision, start, stopped)
+    return _as_learned(kind, given, told, x, _information(slopes, x)[0], start, stopped)
 
 
 def answering(given: ModelSetting, kind: Likelihood, params, seed: int) -> list:
@@ -170,12 +170,11 @@ def chance_of(params) -> dict[str, float]:
 
 
 def _information(slopes: Slopes, x):
-    """Of the numbers at positions x: Fisher information and the prior's precision (d, d); the spread left over, rad."""
+    """(d, d) Fisher information of the numbers at positions x, and the spread of what they leave over, rad."""
     off = slopes.off(x)
     spread = slopes.score(off)[1]
     share = slopes.steps.turns.weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2) / spread**2
-    fisher = normal_equations(slopes.slopes(x, off), share, off)[1]
-    return fisher, tension(slopes.prior, slopes.numbers, x)[1], spread
+    return normal_equations(slopes.slopes(x, off), share, off)[1], spread
 
 
 def _as_learned(kind: Likelihood, given: ModelSetting, numbers, x, information, start, stopped) -> Learned:
