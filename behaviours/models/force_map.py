@@ -40,6 +40,7 @@ from flockbrush.behaviours.behaviour import (
     who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.turning import decayed, reasons_of_turn
 from flockbrush.behaviours.wander import how_far, how_long, wander
 from flockbrush.engine.maths import exp_, kernel_function, sincos_
 from flockbrush.engine.parallel import over_rows
@@ -47,7 +48,7 @@ from numba import njit
 
 KNOTS = {"half": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "8": 8.0}  # BL, as parameters name them
 MANY = len(KNOTS)
-HALVES = 2.0 * math.log(2.0)  # 1/BL: repulsion by strangers halves every half body length
+REACH = 0.5 / math.log(2.0)  # BL: repulsion by strangers halves every half body length
 
 
 def _attraction(default, where):
@@ -112,24 +113,18 @@ def explain(scene, row, p):
     walls = scene.obstacle_offset[scene.obstacle_first[row] : scene.obstacle_first[row + 1]] / length
     kin = scene.species[who] == scene.species[row]
     attraction, alignment = _tables(p)
-    away = _shared(offset[kin], forward, offset[kin], p.front_attraction, True)
-    along = _shared(offset[kin], forward, scene.forward[who[kin], :2], p.front_alignment)
+    to_them = _shared(offset[kin], forward, offset[kin], p.front_attraction, True)
+    like_them = _shared(offset[kin], forward, scene.forward[who[kin], :2], p.front_alignment)
     forces = {
-        "cohesion": np.maximum(attraction, 0.0) @ away,
-        "avoidance": np.minimum(attraction, 0.0) @ away - p.obstacle_repulsion * _strangers(offset[~kin]),
-        "alignment": alignment @ along,
-        "obstacles": -p.obstacle_repulsion * _strangers(walls),
+        "cohesion": np.maximum(attraction, 0.0) @ to_them,
+        "avoidance": np.minimum(attraction, 0.0) @ to_them - p.obstacle_repulsion * decayed(offset[~kin], REACH),
+        "alignment": alignment @ like_them,
+        "obstacles": -p.obstacle_repulsion * decayed(walls, REACH),
     }
     guidance = scene.guidance[row]
     if scene.leader[row] and np.hypot(*guidance) > 1e-6:
         forces["guide"] = p.guidance_weight * guidance / np.hypot(*guidance)
-    left = np.array([-forward[1], forward[0]])
-    across = {name: float(force @ left) for name, force in forces.items()}
-    total, most = sum(across.values()), p.max_turn * scene.dt
-    turn = float(np.clip(total * scene.dt, -most, most))
-    reasons = {"heading": np.cos(turn) * forward}
-    if total != 0.0:
-        reasons |= {name: np.sin(turn) * part / total * left for name, part in across.items() if part != 0.0}
+    reasons = reasons_of_turn(forward, forces, scene.dt, p.max_turn * scene.dt)
     direction = np.zeros((1, 3))
     _steer(scene, np.array([row], np.int32), p, direction)
     chance = direction[0, :2] - sum(reasons.values())
@@ -149,13 +144,6 @@ def _shared(offset, forward, vectors, front, to_unit=False):
     bearing = offset[there] @ forward / far[there]
     vectors = vectors[there] / (far[there, None] if to_unit else 1.0) * (1.0 + front * bearing)[:, None]
     return share @ vectors / np.maximum(share.sum(1), 1.0)[:, None]
-
-
-def _strangers(offset):
-    """The sum (2,) of unit vectors to ``offset`` (n, 2), which halve every half body length."""
-    far = np.hypot(*offset.T)
-    there = far > 0
-    return (np.exp(-far[there] * HALVES) / far[there]) @ offset[there]
 
 
 @behaviour("force_map", Params, explain=explain)
@@ -230,7 +218,7 @@ def _force(i, animals, others, walls, table, sums):
             continue
         x, y = x / d, y / d
         if animals.species[j] != animals.species[i]:
-            push = exp_(-d * HALVES)
+            push = exp_(-d / REACH)
             rx, ry = rx - push * x, ry - push * y
             continue
         ahead, knot, share = x * fx + y * fy, 0, 0.0
@@ -256,7 +244,7 @@ def _force(i, animals, others, walls, table, sums):
         x, y = per * walls.offset[at, 0], per * walls.offset[at, 1]
         d = np.sqrt(x * x + y * y)
         if d > 0.0:
-            push = exp_(-d * HALVES) / d
+            push = exp_(-d / REACH) / d
             rx, ry = rx - push * x, ry - push * y
     x, y = table.repulsion * rx, table.repulsion * ry
     for q in range(MANY):

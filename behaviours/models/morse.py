@@ -34,6 +34,7 @@ from flockbrush.behaviours.behaviour import (
     who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.turning import decayed, reasons_of_turn
 from flockbrush.behaviours.wander import how_far, how_long, wander
 from flockbrush.engine.lane_maths import exponential, lane_function
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, total, where
@@ -88,33 +89,19 @@ def explain(scene, row, p):
     walls = scene.obstacle_offset[scene.obstacle_first[row] : scene.obstacle_first[row + 1]] / length
     kin = scene.species[who] == scene.species[row]
     forces = {
-        "cohesion": p.attraction * _decayed(offset[kin], p.attraction_reach) / max(kin.sum(), 1),
-        "avoidance": -p.repulsion * _decayed(offset, p.repulsion_reach),
-        "obstacles": -p.repulsion * _decayed(walls, p.repulsion_reach),
+        "cohesion": p.attraction * decayed(offset[kin], p.attraction_reach) / max(kin.sum(), 1),
+        "avoidance": -p.repulsion * decayed(offset, p.repulsion_reach),
+        "obstacles": -p.repulsion * decayed(walls, p.repulsion_reach),
     }
     guidance = scene.guidance[row]
     if scene.leader[row] and np.hypot(*guidance) > 1e-6:
         forces["guide"] = p.guidance_weight * guidance / np.hypot(*guidance)
-    left = np.array([-forward[1], forward[0]])
-    across = {name: float(force @ left) for name, force in forces.items()}
-    total = sum(across.values())
-    most = p.max_turn * scene.dt
     speed = max(np.hypot(*scene.velocity[row, :2]) / length, CRAWL)
-    turn = float(np.clip(total / speed * scene.dt, -most, most))
-    reasons = {"heading": np.cos(turn) * forward}
-    if total != 0.0:
-        reasons |= {name: np.sin(turn) * part / total * left for name, part in across.items() if part != 0.0}
+    reasons = reasons_of_turn(forward, forces, scene.dt / speed, p.max_turn * scene.dt)
     direction, pace = np.zeros((1, 3)), np.ones(1)
     _steer(scene, np.array([row], np.int32), p, direction, pace)
     chance = direction[0, :2] - sum(reasons.values())
     return reasons | ({"wander": chance} if p.wander > 0.0 else {})
-
-
-def _decayed(offset, reach):
-    """The sum (2,) of unit vectors to ``offset`` (n, 2), weighed by what a force with this reach is there."""
-    far = np.hypot(*offset.T)
-    near = far > 0
-    return (np.exp(-far[near] / reach) / far[near]) @ offset[near]
 
 
 @behaviour("morse", Params, explain=explain)

@@ -1,0 +1,35 @@
+"""Why an animal turns, by the forces across its heading: for models to explain themselves, written plainly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def reasons_of_turn(forward, forces, per_force: float, most: float) -> dict[str, np.ndarray]:
+    """What the next heading is the sum of: what is left of the old one, and what each force adds, {reason: (2,)}.
+
+    Parameters
+    ----------
+    forward : (2,) ndarray
+        Unit heading.
+    forces : dict of str to (2,) ndarray
+    per_force : float
+        rad that the animal turns to the left for each unit of force to its left.
+    most : float
+        rad, the largest turn.
+    """
+    left = np.array([-forward[1], forward[0]])
+    across = {name: float(force @ left) for name, force in forces.items()}
+    total = sum(across.values())
+    turn = float(np.clip(total * per_force, -most, most))
+    reasons = {"heading": np.cos(turn) * forward}
+    if total != 0.0:
+        reasons |= {name: np.sin(turn) * part / total * left for name, part in across.items() if part != 0.0}
+    return reasons
+
+
+def decayed(offset, reach: float) -> np.ndarray:
+    """The sum (2,) of unit vectors to ``offset`` (n, 2), each e times shorter for each ``reach`` of distance."""
+    far = np.hypot(*offset.T)
+    there = far > 0
+    return (np.exp(-far[there] / reach) / far[there]) @ offset[there]
