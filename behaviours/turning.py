@@ -2,7 +2,34 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+
+
+class InView(NamedTuple):
+    """What an animal sees, in its own body lengths."""
+
+    who: np.ndarray  # (k,) rows of others
+    offset: np.ndarray  # (k, 2) to them
+    kin: np.ndarray  # (k,) bool, whether they are of its species
+    walls: np.ndarray  # (j, 2) to the nearest points of obstacles
+
+    @classmethod
+    def of(cls, scene, row: int) -> InView:
+        """That of one animal of a scene."""
+        seen = slice(scene.first[row], scene.first[row + 1])
+        walls = slice(scene.obstacle_first[row], scene.obstacle_first[row + 1])
+        who, length = scene.near[seen], scene.length[row]
+        kin = scene.species[who] == scene.species[row]
+        return cls(who, scene.offset[seen] / length, kin, scene.obstacle_offset[walls] / length)
+
+
+def guide_of(scene, row: int, weight: float) -> dict[str, np.ndarray]:
+    """The force of a guide on an animal that follows it, {"guide": (2,)}; {} where none is."""
+    guidance = scene.guidance[row]
+    size = float(np.hypot(*guidance))
+    return {"guide": weight * guidance / size} if scene.leader[row] and size > 1e-6 else {}
 
 
 def reasons_of_turn(forward, forces, per_force: float, most: float) -> dict[str, np.ndarray]:

@@ -40,7 +40,7 @@ from flockbrush.behaviours.behaviour import (
     who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
-from flockbrush.behaviours.turning import decayed, reasons_of_turn
+from flockbrush.behaviours.turning import InView, decayed, guide_of, reasons_of_turn
 from flockbrush.behaviours.wander import how_far, how_long, wander
 from flockbrush.engine.maths import exp_, kernel_function, sincos_
 from flockbrush.engine.parallel import over_rows
@@ -107,11 +107,7 @@ def explain(scene, row, p):
 
     Written plainly, for one animal; a test compares it with `steer`.
     """
-    forward, length = scene.forward[row, :2], scene.length[row]
-    seen = slice(scene.first[row], scene.first[row + 1])
-    who, offset = scene.near[seen], scene.offset[seen] / length
-    walls = scene.obstacle_offset[scene.obstacle_first[row] : scene.obstacle_first[row + 1]] / length
-    kin = scene.species[who] == scene.species[row]
+    forward, (who, offset, kin, walls) = scene.forward[row, :2], InView.of(scene, row)
     attraction, alignment = _tables(p)
     to_them = _shared(offset[kin], forward, offset[kin], p.front_attraction, True)
     like_them = _shared(offset[kin], forward, scene.forward[who[kin], :2], p.front_alignment)
@@ -120,10 +116,7 @@ def explain(scene, row, p):
         "avoidance": np.minimum(attraction, 0.0) @ to_them - p.obstacle_repulsion * decayed(offset[~kin], REACH),
         "alignment": alignment @ like_them,
         "obstacles": -p.obstacle_repulsion * decayed(walls, REACH),
-    }
-    guidance = scene.guidance[row]
-    if scene.leader[row] and np.hypot(*guidance) > 1e-6:
-        forces["guide"] = p.guidance_weight * guidance / np.hypot(*guidance)
+    } | guide_of(scene, row, p.guidance_weight)
     reasons = reasons_of_turn(forward, forces, scene.dt, p.max_turn * scene.dt)
     direction = np.zeros((1, 3))
     _steer(scene, np.array([row], np.int32), p, direction)

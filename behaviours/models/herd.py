@@ -43,6 +43,7 @@ from flockbrush.behaviours.behaviour import (
     who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.turning import InView
 from flockbrush.behaviours.wander import how_far, how_long, wander
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, splat8, store, total
@@ -147,13 +148,9 @@ def explain(scene, row, p):
 
     The same formulas as `herd_kernel`, for one animal and written plainly: each is the other's test.
     """
-    i, forward, length = row, scene.forward[row, :2], scene.length[row]
-    seen = slice(scene.first[i], scene.first[i + 1])
-    who, offset = scene.near[seen], scene.offset[seen] / length
+    i, forward, (who, offset, kin, walls) = row, scene.forward[row, :2], InView.of(scene, row)
     near = np.hypot(*offset.T) <= p.neighbour_range
-    who, offset = who[near], offset[near]
-    kin = scene.species[who] == scene.species[i]
-    walls = scene.obstacle_offset[scene.obstacle_first[i] : scene.obstacle_first[i + 1]] / length
+    who, offset, kin = who[near], offset[near], kin[near]
 
     def pull(name, offset, towards):
         """Sum of vectors, each by the weight of the animal or wall at its offset."""

@@ -34,7 +34,7 @@ from flockbrush.behaviours.behaviour import (
     who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
-from flockbrush.behaviours.turning import decayed, reasons_of_turn
+from flockbrush.behaviours.turning import InView, decayed, guide_of, reasons_of_turn
 from flockbrush.behaviours.wander import how_far, how_long, wander
 from flockbrush.engine.lane_maths import exponential, lane_function
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, total, where
@@ -83,20 +83,13 @@ def explain(scene, row, p):
 
     Written plainly, for one animal; a test compares it with `steer`.
     """
-    forward, length = scene.forward[row, :2], scene.length[row]
-    seen = slice(scene.first[row], scene.first[row + 1])
-    who, offset = scene.near[seen], scene.offset[seen] / length
-    walls = scene.obstacle_offset[scene.obstacle_first[row] : scene.obstacle_first[row + 1]] / length
-    kin = scene.species[who] == scene.species[row]
+    forward, (_, offset, kin, walls) = scene.forward[row, :2], InView.of(scene, row)
     forces = {
         "cohesion": p.attraction * decayed(offset[kin], p.attraction_reach) / max(kin.sum(), 1),
         "avoidance": -p.repulsion * decayed(offset, p.repulsion_reach),
         "obstacles": -p.repulsion * decayed(walls, p.repulsion_reach),
-    }
-    guidance = scene.guidance[row]
-    if scene.leader[row] and np.hypot(*guidance) > 1e-6:
-        forces["guide"] = p.guidance_weight * guidance / np.hypot(*guidance)
-    speed = max(np.hypot(*scene.velocity[row, :2]) / length, CRAWL)
+    } | guide_of(scene, row, p.guidance_weight)
+    speed = max(np.hypot(*scene.velocity[row, :2]) / scene.length[row], CRAWL)
     reasons = reasons_of_turn(forward, forces, scene.dt / speed, p.max_turn * scene.dt)
     direction, pace = np.zeros((1, 3)), np.ones(1)
     _steer(scene, np.array([row], np.int32), p, direction, pace)

@@ -38,6 +38,7 @@ from flockbrush.behaviours.behaviour import (
     who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
+from flockbrush.behaviours.turning import InView
 from flockbrush.behaviours.wander import how_far, how_long, wander
 from flockbrush.engine.maths import atan2_, kernel_function, sincos_
 from flockbrush.engine.parallel import over_rows
@@ -112,12 +113,8 @@ def explain(scene, row, p):
 
 def _reasons(scene, i, p):
     """{reason: (2,)}: what the wished direction is the sum of."""
-    forward, length = scene.forward[i, :2], scene.length[i]
-    seen = slice(scene.first[i], scene.first[i + 1])
-    who, offset = scene.near[seen], scene.offset[seen] / length
+    forward, (who, offset, kin, walls) = scene.forward[i, :2], InView.of(scene, i)
     far = np.hypot(*offset.T)
-    kin = scene.species[who] == scene.species[i]
-    walls = scene.obstacle_offset[scene.obstacle_first[i] : scene.obstacle_first[i + 1]] / length
     wall_far = np.hypot(*walls.T)
     too_near, wall_near = (far > 0) & (far < p.repulsion), (wall_far > 0) & (wall_far < p.repulsion)
     away = -(offset[too_near] / far[too_near, None]).sum(0)
