@@ -104,7 +104,7 @@ class ModelComparison:
 
     @property
     def likelier(self) -> list[str]:
-        """Kinds by which the turns are clearly likelier than by the herd; general ones are made to be."""
+        """Kinds by which the turns are clearly likelier than by the herd, without general ones."""
         herd = next((row for row in self.rows if row.name == HERD), None)
         if herd is None or not self._tells():
             return []

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.models.force_map import KNOTS
-from flockbrush.components import Position
+from flockbrush.components import BrushBinding, Position
+from flockbrush.engine.state import restore, snapshot, state_hash
+from flockbrush.levels.schema import BrushLayer, PaintBounds
+from flockbrush.systems.palette import Palette
 from small_herd import brush, forward_of, meadow, put
 
 from tests.behaviours.test_models import scene
@@ -66,6 +69,25 @@ def test_strangers_and_obstacles_only_repel_and_a_leader_turns_to_the_guide():
 
 def test_it_turns_no_faster_than_it_can():
     assert rate([(0, 0), (0, 2)], attraction_2=9.0, max_turn=0.7) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("weight", [1.0, 0.5])
+def test_painted_on_ground_it_takes_animals_of_another_model_and_a_restored_run_goes_on_alike(weight):
+    seen = {"mean": 2.0, "vision": {"range": 16.0}}
+    painted = np.full((40, 40), -1)
+    painted[:, 20:] = 0
+    layer = BrushLayer("brush", weight, ["map"], painted, PaintBounds(blend="mix"))
+    simulation = meadow(brush("walk", "herd", **seen), brush("map", "force_map", **seen), brush_layers=[layer])
+    put(simulation, np.random.default_rng(1).uniform(1, 39, (60, 2)), brush="walk")
+    simulation.run(48)
+    names, bound = simulation.world.resource(Palette).names, simulation.agents[BrushBinding.brush]
+    assert 10 < sum(names[k] == "map" for k in bound) < 50
+    kept, hashes = snapshot(simulation.world), []
+    for _ in range(2):
+        restore(simulation.world, kept)
+        simulation.run(32)
+        hashes.append(state_hash(simulation.world))
+    assert hashes[0] == hashes[1]
 
 
 @pytest.mark.parametrize("alignment, ordered", [(0.0, False), (3.0, True)])
