@@ -348,7 +348,7 @@ class Behaviour:
     """A registered model."""
 
     name: str
-    steer: Callable[[Scene, np.ndarray, Any], Wishes]
+    steer: Callable[..., Wishes]  # of a scene, rows, parameters, and what `summary` says of the rows where it is known
     Params: type[Parameters]
     doc: str
     danger: bool = False  # prey flees from animals that this model moves
@@ -358,6 +358,7 @@ class Behaviour:
     has: tuple[str, ...] = ()  # names of the drives that the model does by itself
     by_slot: bool = False  # takes its neighbours from `Scene.by_slot`; then nobody has to make the lists by row
     needs: tuple[str, ...] = ()  # names of the drives that act on top of it under every brush that says nothing of them
+    summary: Callable[[Scene, np.ndarray], Any] | None = None  # hangs neither on parameters nor on headings of the rows
 
 
 _registry: dict[str, Behaviour] = {}
@@ -373,6 +374,7 @@ def behaviour(
     has: tuple[str, ...] = (),
     by_slot: bool = False,
     needs: tuple[str, ...] = (),
+    summary: Callable[[Scene, np.ndarray], Any] | None = None,
 ):
     """Register ``steer(scene, rows, params) -> Wishes`` under a name.
 
@@ -396,6 +398,9 @@ def behaviour(
         not made: they are None then.
     needs : tuple of str
         Names of the drives that act on top of the model under every brush that does not mention them.
+    summary : callable, optional
+        ``summary(scene, rows)``: what ``steer`` makes of the scene whatever the parameters and the headings of these
+        rows are.  Learning, which tries many parameters on one scene, calls ``steer(scene, rows, params, summary)``.
 
     Raises
     ------
@@ -408,7 +413,9 @@ def behaviour(
         if name in _registry and not (again and _registry[name].steer.__module__ == "__main__"):
             raise ValueError(f"behaviour {name!r} is already in {_registry[name].steer.__module__}")
         doc = importlib.import_module(steer.__module__).__doc__ or ""
-        _registry[name] = Behaviour(name, steer, Params, doc, danger, flight, formation, explain, has, by_slot, needs)
+        _registry[name] = Behaviour(
+            name, steer, Params, doc, danger, flight, formation, explain, has, by_slot, needs, summary
+        )
         return steer
 
     return register

@@ -3,8 +3,8 @@
     python benchmarks/learning.py time [--animals 200] [--frames 100] [--runs 1]
 
 The clip is a simulated herd (`swarm` of ``benchmarks/foreign_herds.py``), filmed at 960 x 720.  The command runs in a
-process of its own, with a report, in full and with ``--quick``; a first run with ``--quick`` is not counted.  CPU time
-is that of all its threads and processes, user and system.  On a shared machine read CPU times.
+process of its own, with a report, in full and with ``--quick``.  The first run of each kind, which compiles kernels, is
+not counted.  CPU time is that of all its threads and processes, user and system.  On a shared machine read CPU times.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ def run(options):
         truth = herd("swarm", options.animals, options.frames / 25.0, seed=3)
         frames = len(truth.xy)
         film = shoot(truth, Path(folder) / "clip.mp4", SIZE, BODY, CameraDrift(follow=1.0), seed=3)
-        _learned(film.path, Path(folder), True)
         print(f"{frames} frames, {options.animals} animals, load {os.getloadavg()[0]:.1f}")
         print("settings | goal, s | wall, s | CPU, s | observing | learning | comparing | verdict")
         for kind in [options.only] if options.only else GOALS:
+            _learned(film.path, Path(folder), kind == "quick")
             for _ in range(options.runs):
                 row = {"settings": kind, "goal, s": GOALS[kind], **_learned(film.path, Path(folder), kind == "quick")}
                 print(" | ".join(str(value) for value in row.values()), flush=True)

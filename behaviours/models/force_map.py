@@ -139,22 +139,39 @@ def _shared(offset, forward, vectors, front, to_unit=False):
     return share @ vectors / np.maximum(share.sum(1), 1.0)[:, None]
 
 
-@behaviour("force_map", Params, explain=explain)
-def steer(scene, rows, p):
+def summary(scene, rows):
+    """What each of these rows has about it, by distance, whatever the parameters and its own heading are.
+
+    Returns
+    -------
+    near : (k, MANY, 12) ndarray
+        Of each distance of the table how many animals there are; the sums of the directions u to them (2), of the
+        products uu (xx, xy, yy), of their headings g (2), and of the products gu (xx, xy, yx, yy).
+    push : (k, 2) ndarray
+        Away from obstacles and animals of other species, 1 at distance 0.
+    """
+    animals = _Animals(scene.forward, scene.length, scene.species)
+    others = ByRow(scene.first, scene.near, scene.offset)
+    walls = ByRow(scene.obstacle_first, scene.near[:0], scene.obstacle_offset)
+    near, push = np.zeros((len(rows), MANY, 12)), np.zeros((len(rows), 2))
+    over_rows(_sum_up, len(rows), rows, animals, others, walls, near, push)
+    return near, push
+
+
+@behaviour("force_map", Params, explain=explain, summary=summary)
+def steer(scene, rows, p, summed=None):
     """Turn as the map says."""
     direction = np.zeros((len(rows), 3))
-    _steer(scene, rows, p, direction)
+    _steer(scene, rows, p, direction, summed)
     return Wishes(direction, np.ones(len(rows)))
 
 
 class _Animals(NamedTuple):
-    """The columns that the kernel reads."""
+    """The columns by which animals are summed up."""
 
     forward: Any
     length: Any
     species: Any
-    leader: Any
-    guidance: Any
 
 
 class _Map(NamedTuple):
@@ -170,78 +187,92 @@ class _Map(NamedTuple):
     dt: float
 
 
-def _steer(s, rows, p, direction):
+def _steer(s, rows, p, direction, summed=None):
     """Write the next headings, chance and all."""
     table = _Map(
         *_tables(p), p.front_attraction, p.front_alignment, p.obstacle_repulsion, p.guidance_weight, p.max_turn * s.dt,
         s.dt,
     )  # fmt: skip
-    animals = _Animals(s.forward, s.length, s.species, s.leader, s.guidance)
-    others, walls = ByRow(s.first, s.near, s.offset), ByRow(s.obstacle_first, s.near[:0], s.obstacle_offset)
-    over_rows(_turn, len(rows), rows, animals, others, walls, table, direction)
+    near, push = summary(s, rows) if summed is None else summed
+    over_rows(_turn, len(rows), rows, s.forward, s.leader, s.guidance, near, push, table, direction)
     wander(s, rows, p, direction)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _turn(lo, hi, rows, animals, others, walls, table, direction):
-    sums = np.empty((MANY, 5))  # of each distance: how many, directions to them, their headings
+def _sum_up(lo, hi, rows, animals, others, walls, near, push):
     for k in range(lo, hi):
         i = rows[k]
-        fx, fy = animals.forward[i, 0], animals.forward[i, 1]
-        x, y = _force(i, animals, others, walls, table, sums)
-        gx, gy = animals.guidance[i, 0], animals.guidance[i, 1]
+        per, rx, ry = 1.0 / animals.length[i], 0.0, 0.0
+        for at in range(others.first[i], others.first[i + 1]):
+            j, x, y = others.near[at], per * others.offset[at, 0], per * others.offset[at, 1]
+            d = np.sqrt(x * x + y * y)
+            if d == 0.0:
+                continue
+            x, y = x / d, y / d
+            if animals.species[j] == animals.species[i]:
+                _add(near[k], d, x, y, animals.forward[j, 0], animals.forward[j, 1])
+            else:
+                away = exp_(-d / REACH)
+                rx, ry = rx - away * x, ry - away * y
+        for at in range(walls.first[i], walls.first[i + 1]):
+            x, y = per * walls.offset[at, 0], per * walls.offset[at, 1]
+            d = np.sqrt(x * x + y * y)
+            if d > 0.0:
+                away = exp_(-d / REACH) / d
+                rx, ry = rx - away * x, ry - away * y
+        push[k, 0], push[k, 1] = rx, ry
+
+
+@kernel_function
+def _add(near, d, x, y, gx, gy):
+    """Add an animal d away in the direction (x, y), headed to (gx, gy), to the two distances that it is between."""
+    knot, share = 0, 0.0
+    if d >= 8.0:
+        knot, share = MANY - 2, 1.0
+    elif d >= 4.0:
+        knot, share = 3, 0.25 * d - 1.0
+    elif d >= 2.0:
+        knot, share = 2, 0.5 * d - 1.0
+    elif d >= 1.0:
+        knot, share = 1, d - 1.0
+    elif d > 0.5:
+        share = 2.0 * d - 1.0
+    for q in range(2):
+        part, own = share if q else 1.0 - share, near[knot + q]
+        px, py, hx, hy = part * x, part * y, part * gx, part * gy
+        own[0] += part
+        own[1] += px
+        own[2] += py
+        own[3] += px * x
+        own[4] += px * y
+        own[5] += py * y
+        own[6] += hx
+        own[7] += hy
+        own[8] += hx * x
+        own[9] += hx * y
+        own[10] += hy * x
+        own[11] += hy * y
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turn(lo, hi, rows, forward, leader, guidance, near, push, table, direction):
+    front_to, front_with = table.front_attraction, table.front_alignment
+    for k in range(lo, hi):
+        i = rows[k]
+        fx, fy = forward[i, 0], forward[i, 1]
+        x, y = table.repulsion * push[k, 0], table.repulsion * push[k, 1]
+        for q in range(MANY):
+            own = near[k, q]
+            per_animal = 1.0 / max(own[0], 1.0)
+            to, with_ = per_animal * table.attraction[q], per_animal * table.alignment[q]
+            x += to * (own[1] + front_to * (own[3] * fx + own[4] * fy))
+            y += to * (own[2] + front_to * (own[4] * fx + own[5] * fy))
+            x += with_ * (own[6] + front_with * (own[8] * fx + own[9] * fy))
+            y += with_ * (own[7] + front_with * (own[10] * fx + own[11] * fy))
+        gx, gy = guidance[i, 0], guidance[i, 1]
         size = np.sqrt(gx * gx + gy * gy)
-        if animals.leader[i] and size > 1e-6:
+        if leader[i] and size > 1e-6:
             x, y = x + table.guidance_weight * gx / size, y + table.guidance_weight * gy / size
         turn = (fx * y - fy * x) * table.dt
         sine, cosine = sincos_(min(max(turn, -table.turn), table.turn))
         direction[k, 0], direction[k, 1] = cosine * fx - sine * fy, sine * fx + cosine * fy
-
-
-@kernel_function
-def _force(i, animals, others, walls, table, sums):
-    """The force on row i, rad/s."""
-    per, fx, fy = 1.0 / animals.length[i], animals.forward[i, 0], animals.forward[i, 1]
-    sums[:] = 0.0
-    rx = ry = 0.0
-    for at in range(others.first[i], others.first[i + 1]):
-        j, x, y = others.near[at], per * others.offset[at, 0], per * others.offset[at, 1]
-        d = np.sqrt(x * x + y * y)
-        if d == 0.0:
-            continue
-        x, y = x / d, y / d
-        if animals.species[j] != animals.species[i]:
-            push = exp_(-d / REACH)
-            rx, ry = rx - push * x, ry - push * y
-            continue
-        ahead, knot, share = x * fx + y * fy, 0, 0.0
-        if d >= 8.0:
-            knot, share = MANY - 2, 1.0
-        elif d >= 4.0:
-            knot, share = 3, 0.25 * d - 1.0
-        elif d >= 2.0:
-            knot, share = 2, 0.5 * d - 1.0
-        elif d >= 1.0:
-            knot, share = 1, d - 1.0
-        elif d > 0.5:
-            share = 2.0 * d - 1.0
-        to, with_ = 1.0 + table.front_attraction * ahead, 1.0 + table.front_alignment * ahead
-        for q in range(2):
-            part, own = share if q else 1.0 - share, sums[knot + q]
-            own[0] += part
-            own[1] += part * to * x
-            own[2] += part * to * y
-            own[3] += part * with_ * animals.forward[j, 0]
-            own[4] += part * with_ * animals.forward[j, 1]
-    for at in range(walls.first[i], walls.first[i + 1]):
-        x, y = per * walls.offset[at, 0], per * walls.offset[at, 1]
-        d = np.sqrt(x * x + y * y)
-        if d > 0.0:
-            push = exp_(-d / REACH) / d
-            rx, ry = rx - push * x, ry - push * y
-    x, y = table.repulsion * rx, table.repulsion * ry
-    for q in range(MANY):
-        per_animal = 1.0 / max(sums[q, 0], 1.0)
-        x += per_animal * (table.attraction[q] * sums[q, 1] + table.alignment[q] * sums[q, 3])
-        y += per_animal * (table.attraction[q] * sums[q, 2] + table.alignment[q] * sums[q, 4])
-    return x, y

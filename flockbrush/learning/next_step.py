@@ -53,6 +53,9 @@ class NextSteps:
         self.start = np.arctan2(percept.forward[rows, 1], percept.forward[rows, 0])
         self.own_speed, self.effort = np.hypot(*turns.velocity[rows].T), np.ones(self.k + self.n)
         self.scenes = [self._scene(offset, walls - s * turns.dt * past, s) for s, offset in enumerate(offsets)]
+        reach = (1.0 + SKIN) * 2.0 * turns.radius + 2.0 * turns.half
+        self.touching = [_within(reach, self.first[: self.k + 1], self.near, offset) for offset in offsets]
+        self.summaries: dict[str, list] = {}  # of models that have any, by tick
 
     def _scene(self, offset, walls, tick):
         """The `Scene` of a tick with neighbours at `offset` (m, 3) BL and walls at `walls` (j, 2) BL.
@@ -97,7 +100,18 @@ class NextSteps:
         solid, scenes = self.turns.radius if model.flight is None else 0.0, self.scenes
         if model.by_slot:
             scenes = self._scenes_by_slot
-        return self._turned(scenes, lambda scene: model.steer(frozen(scene), rows, quiet).direction, limit, solid)
+        known = () if model.summary is None else (self._summed_up(model, rows),)
+
+        def wish(scene):
+            return model.steer(frozen(scene), rows, quiet, *(of[scene.tick] for of in known)).direction
+
+        return self._turned(scenes, wish, limit, solid)
+
+    def _summed_up(self, model, rows):
+        """What a model makes of each scene whatever its parameters are."""
+        if model.name not in self.summaries:
+            self.summaries[model.name] = [model.summary(frozen(scene), rows) for scene in self.scenes]
+        return self.summaries[model.name]
 
     def paces(self, model: Behaviour, params) -> np.ndarray:
         """The factors (k,) to which a model brings the speeds of the animals, if they stay as at the start of a turn.
@@ -134,12 +148,11 @@ class NextSteps:
     def _turned(self, scenes, wish, limit, solid):
         """(k,) rad by which animals turn to what they wish in each `Scene`, at most ``limit`` rad to a tick."""
         angle, left = self.start.copy(), self.turns.ticks.copy()
-        for scene in scenes:
+        for scene, touching in zip(scenes, self.touching, strict=True):
             scene = self._headed(scene, angle)
             over_rows(
-                _turn_on, self.k, wish(scene), Lists(scene.first, scene.near, scene.offset), scene.forward,
-                self.turns.half, solid, limit, left, angle,
-            )  # fmt: skip
+                _turn_on, self.k, wish(scene), touching, scene.forward, self.turns.half, solid, limit, left, angle
+            )
         return angle - self.start
 
     def _headed(self, scene, angle):
@@ -210,6 +223,12 @@ def _walls(percept, rows, velocity):
     return first, percept.walls_offset[chosen], velocity[np.repeat(rows, count)]
 
 
+def _within(reach, first, near, offset):
+    """The neighbours (m,) of k rows that are nearer than this: `Lists` with offsets (j, 3)."""
+    close = (offset[:, 0] ** 2 + offset[:, 1] ** 2) < reach * reach
+    return Lists(np.concatenate([[0], np.cumsum(close)])[first], near[close], offset[close])
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _look(rows, first, near, offset, velocity, dt, found, offsets):
     """Write the neighbours of some rows (m,), and where they are in each tick (ticks, m, 3) if all go on as they do."""
@@ -228,11 +247,11 @@ def _look(rows, first, near, offset, velocity, dt, found, offsets):
 def _turn_on(lo, hi, wish, lists, forward, half, radius, limit, left, angle):
     """Turn rows `lo` to `hi` by one tick, or by the rest of one: deflect by touching bodies, then limit the turn.
 
-    Reads and writes `left` (k,), ticks, and `angle` (k,), rad; `limit` is in rad per tick, `half` and `radius` in BL.
+    Reads and writes `left` (k,), ticks, and `angle` (k,), rad; `limit` is in rad per tick, `half` and `radius` in BL,
+    and `lists` hold whoever may touch.
     """
     first, near, offset = lists
     touch = 2.0 * radius
-    far_enough = ((1.0 + SKIN) * touch + 2.0 * half) ** 2
     for k in range(lo, hi):
         share = min(left[k], 1.0)
         if share <= 1e-9:
@@ -242,8 +261,6 @@ def _turn_on(lo, hi, wish, lists, forward, half, radius, limit, left, angle):
         if radius > 0.0:  # as in `flockbrush.systems.contact`
             for at in range(first[k], first[k + 1]):
                 x, y, j = offset[at, 0], offset[at, 1], near[at]
-                if x * x + y * y >= far_enough:
-                    continue
                 gx, gy = forward[j, 0], forward[j, 1]
                 ox, oy, room = aside_of_(fx, fy, half, x, y, gx, gy, touch)
                 into = hx * ox + hy * oy

@@ -82,9 +82,11 @@ def response(
     if not len(values):
         return []
     whitened = vectors / np.sqrt(values)  # a step of length 1 changes turns by 1 rad, root mean square
-    asked, wished = mine.pull @ whitened, np.array([a.pull for a in theirs]) @ whitened
+    # the share of a step that a prior leaves, of what is asked for and of what is given alike
+    likely = np.linalg.inv(np.eye(len(values)) + _held(whitened, mine.scatter, brush.params))
+    asked, wished = mine.pull @ whitened @ likely, np.array([a.pull for a in theirs]) @ whitened @ likely
     of_runs, more = wished.mean(0), 1.0 + 1.0 / len(theirs)
-    chance = mine.scatter * np.sqrt(len(values) / mine.turns * more)  # of so many numbers fitted to so many turns
+    chance = mine.scatter * np.sqrt((likely**2).sum() / mine.turns * more)  # of numbers fitted to so many turns
     scatters = np.array([a.scatter for a in theirs])
     between = scatters.std(ddof=1) if len(theirs) > 1 else 0.0
     rows = [
@@ -122,13 +124,17 @@ def correction(clip: Evidence, brush, runs: Sequence[Run], turns: Callable[[], T
     if mine is None or any(other is None for other in theirs):
         return None
     more = mine.pull - np.mean([a.pull for a in theirs], axis=0)
-    kind = likelihood_of(brush.params)
-    if kind is not None and kind.prior is not None:
-        precision = tension(kind.prior, kind.numbers, place(kind.numbers, brush.params))[1]
-        gram = np.mean([a.gram for a in (mine, *theirs)], axis=0)
-        return np.linalg.solve(gram + mine.scatter**2 / FITTED * precision, more)
     values, vectors = _told([mine, *theirs])
-    return vectors @ ((more @ vectors) / values)
+    return vectors @ np.linalg.solve(np.diag(values) + _held(vectors, mine.scatter, brush.params), more @ vectors)
+
+
+def _held(vectors, scatter, params):
+    """By how much a prior holds the numbers back in these directions (d, k): (k, k) rad², zeros without one."""
+    kind = likelihood_of(params)
+    if kind is None or kind.prior is None:
+        return np.zeros((vectors.shape[1], vectors.shape[1]))
+    precision = tension(kind.prior, kind.numbers, place(kind.numbers, params))[1]
+    return scatter**2 / FITTED * vectors.T @ precision @ vectors
 
 
 def _told(answers):

@@ -128,9 +128,9 @@ class ModelComparison:
     @property
     def sentence(self) -> str:
         """A sentence on which models are distinguished, and which are not."""
-        best, names = self.rows[0], self.equal
         if self.reason:
             return f"The models cannot be distinguished on this clip: {self.reason}."
+        best, names = self.rows[0], self.equal
         others = [row for row in self.rows if row.told_apart]
         apart = "; ".join(f"{row.name} by {row.behind:.2f} ± {row.behind_error:.2f}" for row in others)
         if len(names) == 1:
@@ -154,12 +154,13 @@ def perception_of(vision: VisionSpec) -> str:
 def problem_of(clips: Sequence[Evidence], model: Behaviour | None = None) -> str:
     """Why the models of these clips cannot be compared, or not this one; "" where they can."""
     for clip in clips:
-        if model is not None and model.flight is not None and clip.fields.obstacle.any():
+        flies = model is not None and model.flight is not None
+        if flies and clip.fields.obstacle.any():
             return f"it shows obstacles, and animals of the model {model.name} are simulated on open ground only"
+        if flies and clip.fields.shows_part:
+            return f"it shows a part of a herd, and animals of the model {model.name} are simulated in whole herds only"
         if not told_apart(clip):
             return "single animals could not be separated, and models are compared by the turns of single animals"
-        if clip.fields.shows_part:
-            return "it shows a part of a herd; other models than herd need the whole herd"
     return ""
 
 
@@ -169,7 +170,7 @@ def compare_models(clips: Sequence[Evidence], names: Sequence[str] | None = None
     Parameters
     ----------
     clips : sequence of Evidence
-        Whole herds, whose animals are told apart (`problem_of`).
+        Whose animals are told apart (`problem_of`).
     names : sequence of str, optional
         Of likelihoods; default: all that these clips allow.
     seed : int

@@ -157,6 +157,20 @@ class TestEveryModel:
         assert ((xy_of(simulation) > 0) & (xy_of(simulation) < 20)).all()
 
 
+@pytest.mark.parametrize("model", [model for model in MODELS if model.summary], ids=lambda model: model.name)
+def test_what_a_model_sums_up_hangs_neither_on_parameters_nor_on_headings_of_the_rows(model):
+    """Learning sums a scene up once and steers by that with many parameters, as the animals turn."""
+    row, before = rows_([4]), lively()
+    forward = np.array(before.forward)
+    forward[4] = np.cos(2.0), np.sin(2.0), 0.0
+    after = frozen(before, forward=forward)
+    schema = model.Params.model_json_schema()["properties"]
+    for params in (model.Params(), model.Params(**{name: p["maximum"] for name, p in schema.items() if "maximum" in p})):
+        said, afresh = model.steer(after, row, params, model.summary(before, row)), model.steer(after, row, params)
+        assert said.direction.tobytes() == afresh.direction.tobytes()
+    assert afresh.direction.tolist() != steer(model, after, row).direction.tolist()  # the parameters count
+
+
 def test_there_are_the_models_of_the_paper():
     assert {"herd", "flee", "hunt"} <= set(behaviours())
     assert [name for name, model in behaviours().items() if model.danger] == ["hunt", "raptor"]

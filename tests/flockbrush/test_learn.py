@@ -15,6 +15,7 @@ from filmed import film_of
 from flockbrush.behaviours.brush import load_brush
 
 from flockbrush.film.observations import CannotObserve
+from flockbrush.learning.model_choice import comparison_of
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +37,7 @@ def quick(monkeypatch):
 
     monkeypatch.setattr(flockbrush.film.open_clip, "observe", filmed.observe)
     monkeypatch.setattr(flockbrush.learning.learn, "learn", filmed.learn)
+    monkeypatch.setattr(flockbrush.learning.learn, "comparison_of", filmed.comparison_of)
     monkeypatch.setattr(flockbrush.learning.helpers, "MOST", 1)  # to pickle nothing
     monkeypatch.setattr(flockbrush.learning.learn, "with_other_numbers", lambda *_: [])
     monkeypatch.setattr(flockbrush.learning.learn, "with_other_starts", lambda *_: [])
@@ -64,7 +66,13 @@ def nothing_in(folder):
 # learning -----------------------------------------------------------------------------------
 
 
-def test_a_clip_becomes_a_brush_with_figures_of_what_was_held_out(cli, films, quick, tmp_path):
+def test_a_clip_becomes_a_brush_with_figures_of_what_was_held_out(cli, films, quick, tmp_path, monkeypatch):
+    import flockbrush.learning.learn as learning
+    from flockbrush.learning import model_search
+
+    monkeypatch.setattr(learning, "comparison_of", comparison_of)  # with all kinds of models
+    for name, value in {"GENERATIONS": (1, 1), "SIZE": 4, "SEEDS": 1, "LAST_SEEDS": 1}.items():
+        monkeypatch.setattr(model_search, name, value)
     done = cli("learn", films / "one.mp4", "--out", tmp_path / "lambs.brush.toml", "--seed", 3, "--licence", "mine")
     assert done.code == 0, done.err
     assert "held-out frames" in done.out and "wrote" in done.err
@@ -73,6 +81,7 @@ def test_a_clip_becomes_a_brush_with_figures_of_what_was_held_out(cli, films, qu
     assert (told.kind, told.seed, told.frames, told.licence) == ("learned", 3, (0, 19), "mine")
     assert told.report["held-out polarization, simulated"] > 0.9
     assert "parts of the clip, held out in turn" in told.notes and "moves like the film" in done.err
+    assert "Learned: force_map, whose simulated herds are nearer to the clip." in told.notes
     assert cli("brush", "check", tmp_path / "lambs.brush.toml").code == 0
     assert [path.name for path in tmp_path.iterdir()] == ["lambs.brush.toml"]
 
