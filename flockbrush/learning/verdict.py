@@ -30,6 +30,7 @@ LEAST_TOLD = 3  # measures that a clip must determine
 NEARER = 0.7  # of a brush's distance: a rival is nearer below it
 FEWEST = 5  # animals
 GROWN = 4.0  # times the spread of the clip: farther nothing is extrapolated
+FILM, TRACKS = "film", "tracks"  # what judges
 GROWTH_ERROR = MEASURES["growth"].floor / DEVIATIONS  # 1/s, of the growth of a clip
 ANYWHERE = 0.25  # of a limit, by which it grows at most where runs differ: those that go anywhere excuse nothing
 STILL, ONWARDS = "nobody moves", "all animals keep their velocity"
@@ -66,6 +67,7 @@ class Judgement:
     seconds: float = 0.0  # of the clip that judged
     count: float = 0.0  # animals in it
     doubt: str = ""  # why that clip can judge nothing
+    source: str = FILM
 
     @property
     def missed(self) -> list[str]:
@@ -225,7 +227,7 @@ def judge(
         herds.append((other, herd, [1000 + seed + r for r in range(1 if once else RIVAL_RUNS)], [seed] if once else []))
     mine, *tried = _contenders(Battery.of(clip), herds, helpers or Helpers(), say)
     seconds, count = len(clip.fields) / clip.fps, float(np.nanmedian(clip.fields.count))
-    return concluded(mine, tried, seconds, count, clip.doubt)
+    return concluded(mine, tried, seconds, count, clip.doubt, TRACKS if clip.from_tracks else FILM)
 
 
 def _contenders(battery: Battery, herds, helpers: Helpers, say) -> list[Contender]:
@@ -246,14 +248,17 @@ def _contenders(battery: Battery, herds, helpers: Helpers, say) -> list[Contende
     return made
 
 
-def concluded(mine: Contender, rivals: list[Contender], seconds: float, count: float, doubt="") -> Judgement:
+def concluded(
+    mine: Contender, rivals: list[Contender], seconds: float, count: float, doubt="", source=FILM
+) -> Judgement:
     """The judgement of a comparison, for its duration and number of animals, unless there is a doubt."""
     told = [row.name for row in mine.rows if not row.met or any(r.missed([row.name]) for r in rivals)]
     rivals = sorted(rivals, key=lambda r: r.distance(told))
-    kind, sentence = _said(mine, rivals, told, seconds, count)
-    if doubt:
-        kind, sentence = "untold", f"How it moves cannot be told from this clip: {doubt}."
-    return Judgement(kind, sentence, mine, rivals, told, seconds, count, doubt)
+    kind, sentence = ("untold", doubt) if doubt else _said(mine, rivals, told, seconds, count, source)
+    if kind == "untold":
+        these = "these tracks" if source == TRACKS else "this clip"
+        sentence = f"How it moves cannot be told from {these}: {sentence}."
+    return Judgement(kind, sentence, mine, rivals, told, seconds, count, doubt, source)
 
 
 def combined(judgements: list[Judgement]) -> Judgement:
@@ -265,7 +270,8 @@ def combined(judgements: list[Judgement]) -> Judgement:
     by_name = [{r.name: r for r in j.rivals} for j in judgements]
     rivals = [_joined([tried[name] for tried in by_name]) for name in names if all(name in tried for tried in by_name)]
     seconds, count = sum(j.seconds for j in judgements), float(np.mean([j.count for j in judgements]))
-    return concluded(mine, rivals, seconds, count, next((j.doubt for j in judgements if j.doubt), ""))
+    doubt = next((j.doubt for j in judgements if j.doubt), "")
+    return concluded(mine, rivals, seconds, count, doubt, judgements[0].source)
 
 
 def _joined(contenders):
@@ -291,25 +297,25 @@ def _joined_row(rows):
     return BatteryRow(rows[0].name, off=off, **values)
 
 
-def _said(mine, rivals, told, seconds, count):
+def _said(mine, rivals, told, seconds, count, source):
+    """(kind, sentence), or why nothing can be told."""
     if seconds < SHORTEST or count < FEWEST or len(told) < LEAST_TOLD:
-        why = f"{seconds:.1f} s of {count:.0f} animals tell {len(told)} of {len(MEASURES)} measures"
-        return "untold", f"How it moves cannot be told from this clip: {why}."
+        return "untold", f"{seconds:.1f} s of {count:.0f} animals tell {len(told)} of {len(MEASURES)} measures"
     missed = mine.missed(told)
     strayed = [row.name for row in mine.lasting if not row.met]
     if not missed and not strayed:
         as_good = [r.name for r in rivals if r.name in IDLE and not r.missed(told) and all(x.met for x in r.lasting)]
         if as_good:
-            return "untold", f"How it moves cannot be told from this clip: {as_good[0]}, and it looks the same."
+            return "untold", f"{as_good[0]}, and it looks the same"
         lasts = f", and does so when left alone for {ALONE:g} s" if mine.lasting else ""
-        return "like", f"It moves like the film: in {listed(told)}{lasts}."
+        return "like", f"It moves like the {source}: in {listed(told)}{lasts}."
     own = mine.distance(told)
     nearer = [r for r in rivals if r.distance(told) < NEARER * own and len(r.missed(told)) < len(missed)]
     met = [n for n in told if n not in missed]
     if nearer or not met:
         return "rival", f"It is no better than {quoted((nearer or rivals)[0].name)}."
     lost = listed(missed + [f"{n} after {ALONE:g} s alone" for n in strayed if n not in missed])
-    return "partly", f"It moves like the film in {listed(met)}, not in {lost}."
+    return "partly", f"It moves like the {source} in {listed(met)}, not in {lost}."
 
 
 def quoted(name):

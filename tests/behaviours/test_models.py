@@ -164,8 +164,9 @@ def test_what_a_model_sums_up_hangs_neither_on_parameters_nor_on_headings_of_the
     forward = np.array(before.forward)
     forward[4] = np.cos(2.0), np.sin(2.0), 0.0
     after = frozen(before, forward=forward)
-    schema = model.Params.model_json_schema()["properties"]
-    for params in (model.Params(), model.Params(**{name: p["maximum"] for name, p in schema.items() if "maximum" in p})):
+    told = model.Params.model_json_schema()["properties"].items()
+    most = {name: field["maximum"] for name, field in told if "maximum" in field}
+    for params in (model.Params(), model.Params(**most)):
         said, afresh = model.steer(after, row, params, model.summary(before, row)), model.steer(after, row, params)
         assert said.direction.tobytes() == afresh.direction.tobytes()
     assert afresh.direction.tolist() != steer(model, after, row).direction.tolist()  # the parameters count

@@ -44,7 +44,7 @@ def test_python_learns_a_brush_from_an_array(learned, tmp_path):
     assert flockbrush.load_brush(path).params == learned.brush.params
     assert learned.brush.name == "marchers" and learned.brush.provenance.kind == "learned"
     assert learned.brush.body.length == flockbrush.shipped().get("march").body.length
-    assert learned.verdict and learned.kind in ("like", "partly", "rival", "untold")
+    assert "tracks" in learned.verdict and learned.kind in ("like", "partly", "rival", "untold")
     told = {row["name"]: row for row in learned.measures}
     assert told["polarization"]["clip"] > 0.9 and told["polarization"]["met"]
     assert len(json.loads(json.dumps(learned.measures))) == len(told)  # plain values, which programs can keep

@@ -11,7 +11,18 @@ from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning import verdict
 from flockbrush.learning.battery import MEASURES, Battery, BatteryRow
 from flockbrush.learning.simulate import simulated
-from flockbrush.learning.verdict import IDLE, ONWARDS, STILL, Contender, after_long, combined, concluded, idle, judge
+from flockbrush.learning.verdict import (
+    IDLE,
+    ONWARDS,
+    STILL,
+    TRACKS,
+    Contender,
+    after_long,
+    combined,
+    concluded,
+    idle,
+    judge,
+)
 
 BRUSH = "swarm"
 
@@ -141,6 +152,15 @@ def test_the_four_sentences():
     idle_too = [*others[:2], contender(ONWARDS, 0.2, 0.2, 0.2, 0.2)]
     said = concluded(contender("x", 0.5, 0.5, 0.5, 0.9), idle_too, 3.0, 30)
     assert said.kind == "untold" and ONWARDS in said.sentence
+
+
+def test_of_tracks_the_sentences_say_so():
+    others = [contender(STILL, 4, 4, 4, 4)]
+    like, partly = (concluded(contender("x", far, 0.1, 0.1, 0.1), others, 3.0, 30, source=TRACKS) for far in (0.2, 1.5))
+    assert like.sentence.startswith("It moves like the tracks: in ")
+    assert combined([like, partly]).sentence.startswith("It moves like the tracks in ")
+    untold = concluded(contender("x", 0.5, 0.5, 0.5, 0.9), others, 0.5, 30, source=TRACKS)
+    assert untold.sentence.startswith("How it moves cannot be told from these tracks: 0.5 s of 30 animals tell ")
 
 
 def test_brushes_of_several_parts_are_judged_together():
