@@ -267,10 +267,10 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         judged.append(_found(herd, fold, learned, wishes))
         if k == 0 and len(herd.seen) == 1:
             write_text(herd.out, brush_to_toml(judged[0].brush))  # what was learned is safe from here on
+        if not photo and not interrupts.asked:
+            judged[-1].judgement = _judged(fold, judged[-1], wishes, interrupts)
         if interrupts.asked:
             break
-        if not photo:
-            judged[-1].judgement = _judged(fold, judged[-1], wishes, interrupts)
     found = judged[0]
     found.models = models
     found.seconds["learning"] = time.perf_counter() - began
@@ -288,6 +288,9 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         found.seconds["comparing"] = time.perf_counter() - began
         notes = [*found.notes, *filter(None, [found.counts_sentence(), found.starts_sentence()])]
         found.brush = _brush(herd, found.learned, found.clips, wishes, found.figures(), notes)
+    elif not found.learned.interrupted:  # a part that comes after it was
+        found.learned = replace(found.learned, interrupted=True)
+        found.brush = _brush(herd, found.learned, found.clips, wishes)
     write_text(herd.out, brush_to_toml(found.brush))
     load_brush(herd.out)  # it reads back
     program = program_of(found.brush, found.clips)
@@ -336,7 +339,7 @@ def _judged(fold: Fold, found: Findings, wishes, interrupts):
                 frames, found.brush, rivals, name=found.brush.name, seed=wishes.seed,
                 runs=3 if wishes.quick else JUDGED_RUNS, say=step, helpers=wishes.helpers,
             )  # fmt: skip
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Stopped):
             return None
 
 
@@ -427,17 +430,11 @@ def _learned(
 
 
 def _brush(herd, learned, clips, wishes, figures={}, notes=()) -> Brush:  # noqa: B006  read only
+    colour = herd.region.colour if herd.region is not None else None
     return brush_of(
-        name_of(herd.out),
-        learned,
-        clips,
-        seed=wishes.seed,
-        figures=figures,
-        length_m=wishes.length_m,
-        licence=wishes.licence,
-        colour=herd.region.colour if herd.region is not None else None,
-        notes=[*herd.notes, *notes],
-    )
+        name_of(herd.out), learned, clips, seed=wishes.seed, figures=figures, length_m=wishes.length_m,
+        licence=wishes.licence, colour=colour, notes=[*herd.notes, *notes],
+    )  # fmt: skip
 
 
 # how it does ------------------------------------------------------------------------------------
@@ -491,9 +488,10 @@ def _tell(wishes, found: list[Findings], herds):
             show_findings(findings)
     for findings, herd in zip(found, herds, strict=False):
         say(("" if len(herds) == 1 else f"{findings.brush.name}: ") + findings.verdict())
+        resumable = findings.learned.interrupted and herd.state().exists()  # the search of no other kind is kept
         say(
             f"wrote {herd.out}"
-            + (f"; continue with --resume ({herd.state()})" if findings.learned.interrupted else "")
+            + (f"; continue with --resume ({herd.state()})" if resumable else "")
             + (f" and {herd.program}, with a brush of each state" if herd.program else "")
         )
     if wishes.report is not None:

@@ -129,7 +129,8 @@ class Findings:
     def verdict(self) -> str:
         """One sentence: does the brush do what the clip shows?"""
         if self.learned.interrupted and self.comparison is None:
-            return "Learning was interrupted: this is the best brush so far, and it was not tested."
+            tested = "It was not tested." if self.judgement is None else self.judgement.sentence
+            return f"Learning was interrupted; this is the best brush so far. {tested}"
         if self.comparison is None:
             return "Learned from one picture: there is no motion to compare with."
         if not self.motion:

@@ -142,6 +142,62 @@ def test_ctrl_c_keeps_the_best_so_far_and_how_to_go_on(cli, films, quick, tmp_pa
     assert not (tmp_path / "lambs.learning").exists()
 
 
+@pytest.mark.parametrize("part", [2, 3])
+def test_ctrl_c_in_a_later_part_is_told_too(cli, films, quick, tmp_path, monkeypatch, part):
+    import flockbrush.learning.learn as learning
+
+    parts = []
+
+    def stopped(clips, settings, *, stop, **rest):
+        parts.append(1)
+        if len(parts) == part:
+            os.kill(os.getpid(), 2)
+        return filmed.learn(clips, settings, stop=stop, **rest)
+
+    monkeypatch.setattr(learning, "learn", stopped)
+    out = tmp_path / "lambs.brush.toml"
+    done = cli("learn", films / "one.mp4", "--out", out)
+    assert done.code == 130 and f"--resume ({tmp_path / 'lambs.learning'})" in done.err
+    assert "Learning was interrupted; this is the best brush so far. It moves like the film" in done.err
+    assert load_brush(out).provenance.notes.startswith("Learning was interrupted")
+    monkeypatch.setattr(learning, "learn", filmed.learn)
+    assert cli("learn", films / "one.mp4", "--out", out, "--resume").code == 0
+    assert not load_brush(out).provenance.notes.startswith("Learning was interrupted")
+    assert [path.name for path in tmp_path.iterdir()] == ["lambs.brush.toml"]
+
+
+def test_ctrl_c_while_a_brush_is_tested_is_told_too(cli, films, quick, tmp_path, monkeypatch):
+    import flockbrush.learning.learn as learning
+
+    whole = learning.judge
+
+    def stopped(*parts, **how):
+        os.kill(os.getpid(), 2)
+        return whole(*parts, **how)
+
+    monkeypatch.setattr(learning, "judge", stopped)
+    out = tmp_path / "lambs.brush.toml"
+    done = cli("learn", films / "one.mp4", "--out", out)
+    assert done.code == 130 and f"--resume ({tmp_path / 'lambs.learning'})" in done.err
+    assert "Learning was interrupted; this is the best brush so far. It was not tested." in done.err
+    assert load_brush(out).provenance.notes.startswith("Learning was interrupted")
+
+
+def test_only_what_was_kept_can_be_continued(cli, films, quick, tmp_path, monkeypatch):
+    import flockbrush.learning.learn as learning
+
+    whole = learning.learned_model
+
+    def stopped(clips, kind, seed=0, **how):
+        os.kill(os.getpid(), 2)
+        return whole(clips, kind, seed, **how)
+
+    monkeypatch.setattr(learning, "learned_model", stopped)
+    done = cli("learn", films / "one.mp4", "--out", tmp_path / "lambs.brush.toml", "--model", "zones")
+    assert done.code == 130 and "Learning was interrupted" in done.err and "--resume" not in done.err
+    assert [path.name for path in tmp_path.iterdir()] == ["lambs.brush.toml"]
+
+
 def test_what_an_interrupted_learning_left_is_not_lost_without_a_word(cli, films, quick, tmp_path):
     out, kept = tmp_path / "x.brush.toml", tmp_path / "x.learning"
     kept.write_text("what was done")
