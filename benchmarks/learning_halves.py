@@ -106,24 +106,30 @@ def evidence_of_clip(name, options, folder):
     return observe(film.path), film
 
 
-def halves_of(name, options):
-    """Return the figures of one clip."""
-    from flockbrush.film.observations import halves
+def learned_from(clip, budget, jobs=1, model="auto"):
+    """Return what `flockbrush learn` would learn from a clip."""
     from flockbrush.learning.model_choice import AUTO, comparison_of, hopeless, nearest
     from flockbrush.learning.model_fit import learned_model
     from flockbrush.learning.recipe import SearchSettings, learn
     from flockbrush.learning.which_model import problem_of
+
+    found = learn(clip, SearchSettings(budget_s=budget), jobs=jobs)
+    if model != AUTO or problem_of([clip]):
+        return found
+    models, how = comparison_of([clip], 0), {"jobs": jobs, "hopeless": hopeless(found)}
+    return nearest([found, *(learned_model([clip], kind, **how) for kind in models.contenders)], models.likelier)
+
+
+def halves_of(name, options):
+    """Return the figures of one clip."""
+    from flockbrush.film.observations import halves
 
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         evidence, film = evidence_of_clip(name, options, folder)
     first, second = halves(evidence)
     looked = time.perf_counter()
-    found = learn(first, SearchSettings(budget_s=options.budget), jobs=options.jobs)
-    if options.model == AUTO and not problem_of([first]):
-        models, how = comparison_of([first], 0), {"jobs": options.jobs, "hopeless": hopeless(found)}
-        others = [learned_model([first], kind, **how) for kind in models.contenders]
-        found = nearest([found, *others], models.likelier)
+    found = learned_from(first, options.budget, options.jobs, options.model)
     learned = time.perf_counter()
     given = found.speed, found.body
     mine = judged(second, found.params, *given, found.vision)

@@ -21,7 +21,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from benchmarks.learning_halves import DATA, SHEEP
+from benchmarks.learning_halves import DATA, SHEEP, learned_from
 
 HALVES = {  # frames, and which half is held out: 0 the second, 1 the first
     "second half of 11:72": ((11, 72), 0),
@@ -57,14 +57,13 @@ def overlap_of(name, options):
     from flockbrush.behaviours.brush import shipped
 
     from flockbrush.film.open_clip import Looking, look_at, looked_apart
-    from flockbrush.learning.recipe import SearchSettings, learn
     from flockbrush.learning.simulate import simulated
     from flockbrush.learning.verdict import IDLE, idle, judge
 
     begun, (frames, part) = time.process_time(), HALVES[name]
     film, how = options.data / SHEEP, Looking(frames=frames)
     seen, held = looked_apart(film, how, look_at(film, how), 0.5, rotate=part > 0)[part]
-    found = learn(seen, SearchSettings(budget_s=options.budget))
+    found = learned_from(seen, options.budget)
 
     def overlap(brush):
         return float(np.mean([_overlap(simulated(held, brush, seed), held) for seed in range(options.runs)]))
@@ -79,8 +78,9 @@ def overlap_of(name, options):
     best = max(shipped_ones, key=shipped_ones.get)
     verdict = judge(held, found, others)
     return {
-        "half": name, "animals": round(float(np.nanmedian(held.fields.count))), "frames": len(held.fields),
-        "learned": overlap(found), **{one: _overlap(idle(held, 0, moves), held) for one, moves in IDLE.items()},
+        "half": name, "model": found.kind, "animals": round(float(np.nanmedian(held.fields.count))),
+        "frames": len(held.fields), "learned": overlap(found),
+        **{one: _overlap(idle(held, 0, moves), held) for one, moves in IDLE.items()},
         "best shipped brush": best, "of that": shipped_ones[best], "kind": verdict.kind, "verdict": verdict.sentence,
         "CPU, s": round(time.process_time() - begun),
     }  # fmt: skip

@@ -62,12 +62,12 @@ def _alignment(default, where):
 class Params(Parameters):
     """Attraction and alignment by distance, and what lies ahead."""
 
-    attraction_half: float = _attraction(-6.0, "1/2 body length")
+    attraction_half: float = _attraction(-6.0, "1/2 body length and less")
     attraction_1: float = _attraction(-1.0, "1 body length")
     attraction_2: float = _attraction(0.5, "2 body lengths")
     attraction_4: float = _attraction(1.0, "4 body lengths")
     attraction_8: float = _attraction(1.0, "8 body lengths and more")
-    alignment_half: float = _alignment(0.5, "1/2 body length")
+    alignment_half: float = _alignment(0.5, "1/2 body length and less")
     alignment_1: float = _alignment(1.0, "1 body length")
     alignment_2: float = _alignment(1.0, "2 body lengths")
     alignment_4: float = _alignment(0.5, "4 body lengths")
