@@ -1,7 +1,8 @@
 """Kinds of ground: what a tile of class Terrain may say, and the kinds of the shipped tileset.
 
 A property of the ground is declared here once (`terrain_property`).  Then Tiled, the level reader, painting, undo, the
-JSON schemas and the tables of the documentation know it, and systems ask for it with `Landscape.ground_at`.
+JSON schemas and the tables of the documentation know it, and systems ask for it with `Landscape.ground_at`.  Installed
+packages declare theirs in modules under the entry point group ``flockbrush.terrain``.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from flockbrush.engine.plugins import load_entry_points
 from flockbrush.levels.level_class import Property
 
 PROPERTIES: list[Property] = [
@@ -59,6 +61,7 @@ terrain_property(
     "cost", 1.0, "cost per metre of the way to a goal; larger values are avoided more", low=0.01, high=1000
 )
 terrain_property("blocks_view", False, "true: animals cannot see through it")
+load_entry_points("flockbrush.terrain")  # before the first level is read
 
 
 def bare() -> dict[str, Any]:

@@ -189,7 +189,7 @@ def test_numbers_of_zones_come_with_their_errors_and_make_a_brush(tmp_path):
 
 
 def test_what_cannot_be_learned_is_refused_in_a_sentence(tmp_path):
-    assert kinds_of_models() == ["boids", "force_map", "herd", "morse", "topological", "zones"]
+    assert {"boids", "force_map", "herd", "morse", "topological", "zones"} <= set(kinds_of_models())
     with pytest.raises(ProblemsError, match="no model 'zone' can be learned; did you mean 'zones'"):
         check_kind("zone")
     with pytest.raises(ProblemsError, match="no model 'v_rules' can be learned"):
