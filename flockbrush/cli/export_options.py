@@ -101,7 +101,7 @@ def chosen(context, paths) -> dict:
         value = context.meta[_CHOSEN][option.name]
         if value is None or value is False or value in ((), []):
             continue
-        if option.name not in known and paths and all(map(exporter_of, paths)):
+        if option.name not in known and all(map(exporter_of, paths or ())):
             raise typer.BadParameter(
                 f"applies to {', '.join(endings)} only, and no such file is written", param_hint=_flag(option)
             )

@@ -139,7 +139,7 @@ def fly(formation_path, options, out, plot, json):
 
 def make_brush(formation_path, out, like):
     """Write a brush of a formation."""
-    with claimed([out], [formation_path]):
+    with claimed([out], [formation_path, *([like] if like is not None and Path(like).is_file() else [])]):
         formation = load_formation(formation_path)
         learned = write_brush(formation, out, like, str(formation.provenance.get("marks", formation_path.name)))
     say(

@@ -45,9 +45,9 @@ def run_level(job: RunRequest, options):
         watch, writing = running.Stopwatch(simulation), bool(job.record or exported)
         if job.record:
             tell_size(job.record, running.recording_size(simulation, ticks, job.keyframes))
-        with (
-            recorder_of(job.record, simulation, job.keyframes) as recorder,
+        with (  # what is wrong with an export is known before a recording takes the place of an earlier one
             Exports(exported, simulation, job.fps, **options) as exports,
+            recorder_of(job.record, simulation, job.keyframes) as recorder,
         ):
             exports.take()
             with stepping(simulation.level.name, simulation, ticks, interrupts, writing) as stepped:
@@ -153,15 +153,15 @@ def stepping(text, simulation, ticks, interrupts, writing=False):
     with terminal.progress(text, ticks) as bar:
 
         def stepped(*_):
-            tick = simulation.clock.tick
             interrupts.gently()
-            bar(tick)
-            if interrupts.asked:
-                say(f"stopped after tick {tick}{note}")
+            bar(simulation.clock.tick)
             interrupts.check()
 
         try:
             yield stepped
+        except Stopped:
+            say(f"stopped after tick {simulation.clock.tick}{note}")
+            raise
         except CommandError as error:
             if writing and not error.source:
                 say(f"stopped after tick {simulation.clock.tick}{note}")
@@ -478,6 +478,6 @@ def preview_brush(name, output, agents, seconds, seed, start, theme, palette):
     check_png(output)
     brush = find_brush(name)
     ticks_of(RunRequest("", seconds=seconds), 1 / 32)
-    with terminal.Interrupts() as interrupts, terminal.compiling():
-        preview(brush, output, agents, seconds, seed, start, theme_of(theme, palette), interrupts)
+    with terminal.Interrupts(), terminal.compiling():
+        preview(brush, output, agents, seconds, seed, start, theme_of(theme, palette))
     print_line(f"wrote {output}")

@@ -143,6 +143,8 @@ def run(context: typer.Context, request: RunRequest):
         raise typer.BadParameter("give --ticks or --seconds, not both", param_hint="--ticks")
     if request.report is not None and request.synctest is None:
         raise typer.BadParameter("can only be used with --synctest", param_hint="--report")
+    if request.fps is not None and not request.export:
+        raise typer.BadParameter("can only be used with --export", param_hint="--fps")
     if request.keyframes is not None and request.record is None:
         raise typer.BadParameter("can only be used with --record", param_hint="--keyframes")
     if request.seconds is None and request.ticks is None:

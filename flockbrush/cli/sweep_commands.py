@@ -13,7 +13,7 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.output.figures import drawing_problems
 from flockbrush.runs import terminal
-from flockbrush.runs.cluster import ClusterGone, MixedCode, cluster
+from flockbrush.runs.cluster import ClusterGone, MixedCode, cluster, let_go
 from flockbrush.runs.compile_ahead import compiling_for
 from flockbrush.runs.terminal import Stopped, print_json, say
 from flockbrush.studies import sweep_report as report
@@ -92,11 +92,6 @@ def _workers(width, elsewhere):
 
     try:
         yield open_executor, width
-    except BaseException:  # do not wait for runs that are not needed any more
-        for executor in opened:
-            for process in list((getattr(executor, "_processes", None) or {}).values()):
-                process.terminate()
-        raise
     finally:
         for executor in opened:
-            executor.shutdown(wait=True, cancel_futures=True)
+            let_go(executor)

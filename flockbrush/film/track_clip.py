@@ -46,6 +46,9 @@ def _track(clip, out, seed_points, correct, reach, as_json):
     try:
         tracks = tracker.tracks()
     except ValueError as error:
+        if stopped:
+            say(f"stopped after {frames} frames, too few to track a bird; nothing was written")
+            return INTERRUPTED
         hint = "birds must be small, and darker or lighter than the sky"
         raise refused(clip, f"{error} in {frames} frames; {hint}") from None
     kept = stopped and Path(out).exists()  # a part of a film replaces no earlier tracks

@@ -43,9 +43,9 @@ def ablated(
     for part in parts:
         said(f"learning without {part}")
         learned = learn_without(part)
-        rows.append(_row(f"without {part}", compared(held, [simulated(held, learned, seed) for seed in range(RUNS)])))
         if learned.interrupted:
             break
+        rows.append(_row(f"without {part}", compared(held, [simulated(held, learned, seed) for seed in range(RUNS)])))
     return rows
 
 

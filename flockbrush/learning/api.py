@@ -20,6 +20,7 @@ from flockbrush.film.track_files import UNITS, is_tracks
 from flockbrush.learning.confounding import Estimate, estimates_of
 from flockbrush.learning.result import Findings
 from flockbrush.learning.which_model import ModelComparison
+from flockbrush.runs.terminal import Stopped
 
 ARGUMENTS = {  # of options in messages
     "--unit m, px or bl": 'unit="m", "px" or "bl"', "--unit": "unit", "--fps": "fps", "--frames": "frames",
@@ -158,7 +159,10 @@ def learn(
             workers=None if cluster is None else (cluster, Tls()), command="flockbrush.learn(...)", silent=True,
             length_m=None if of_tracks else looking.body_length_m, **options,
         )  # fmt: skip
-        return result_of(learn_brushes(wishes)[0])
+        try:
+            return result_of(learn_brushes(wishes)[0])
+        except Stopped:  # Python's own name for it
+            raise KeyboardInterrupt from None
 
 
 @contextmanager

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import suppress
 
-from flockbrush.engine.files import refused
 from flockbrush.engine.parallel import set_threads
+from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.runs.cluster import let_go
 from flockbrush.runs.process_pool import ProcessPool
 
@@ -79,6 +79,10 @@ class Later:
         return self.function(*self.args)
 
 
+class HelperGone(ProblemsError):
+    """A process that did a part of the work was ended."""
+
+
 class Helpers:
     """So many processes, this one among them; others start when there is work for them.
 
@@ -94,7 +98,7 @@ class Helpers:
 
     def __exit__(self, *error):
         if self._pool is not None:
-            let_go(self._pool, wait=error[0] is None)
+            let_go(self._pool)
             self._pool = None
 
     def _submit(self, function, args) -> Future:
@@ -121,7 +125,7 @@ class Helpers:
 
         Raises
         ------
-        ProblemsError
+        HelperGone
             When a process was killed.
         """
         asked = asked or (lambda: None)
@@ -170,9 +174,7 @@ class Helpers:
                         missing -= 1
                         yield k, result
         except BrokenExecutor:
-            raise refused(
-                "a learning process", "is not running any more; finished work is kept; continue with --resume"
-            ) from None
+            raise HelperGone([Problem("a learning process", None, None, "is not running any more")]) from None
         finally:
             todo.clear()
             for future in list(sent):

@@ -137,6 +137,8 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
     if not wishes.silent:
         _tell(wishes, found, herds)
     if interrupts.asked:
+        if missing := [name_of(herd.out) for herd in herds[len(found) :]]:
+            say(f"stopped; no brush was learned for {', '.join(missing)}")
         raise Stopped
     return found
 
@@ -154,6 +156,8 @@ def _checked(wishes) -> list[Region]:
         raise refused("--thorough", f"it is for the search of the herd model, and the model is {wishes.model}")
     if wishes.workers and wishes.model not in (HERD, AUTO):
         raise refused("--cluster", f"the model {wishes.model} is fitted locally; only the herd model can use a cluster")
+    if wishes.resume and wishes.model not in (HERD, AUTO):
+        raise refused("--resume", f"only the search of the herd model is kept, and the model is {wishes.model}")
     regions = regions_of(looking.regions) if looking.regions else []
     if regions and len(wishes.clips) > 1:
         raise refused(looking.regions, "a region mask can only be used with one clip, got several")
@@ -166,9 +170,8 @@ def _checked(wishes) -> list[Region]:
         problems += folder_problems(wishes.report) or drawing_problems(wishes.report)
     state = BrushTask(outs[0], []).state()
     if wishes.resume and not any(BrushTask(out, []).state().exists() for out in outs):
-        problems += refused(
-            state, f"there is no interrupted learning of {name} to continue; leave out --resume"
-        ).problems
+        missing = f"there is no interrupted learning of {name} to continue; leave out --resume"
+        problems += refused(state, missing).problems
     if problems:
         raise ProblemsError(problems)
     return regions
@@ -295,7 +298,7 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
     load_brush(herd.out)  # it reads back
     program = program_of(found.brush, found.clips)
     herd.program = None if program is None else program.write(herd.out)[0]
-    if not found.learned.interrupted and not interrupts.asked:
+    if not found.learned.interrupted and not (interrupts.asked and herd.region):  # other regions go on
         for k in range(len(folds) + 1):
             herd.state(k).unlink(missing_ok=True)
     if wishes.report is not None:
@@ -388,9 +391,7 @@ def _refuse_strangers(wholes, checks, herd):
     for whole, check in zip(wholes, checks, strict=True):
         far = [row for row in check.brush.rows if row.name in ONE_KIND and row.far > STRANGE]
         if far:
-            told = ", ".join(
-                f"{row.name} {measure(row.clip)} in this clip, {measure(row.herd)} simulated" for row in far
-            )
+            told = ", ".join(f"{r.name} {measure(r.clip)} in this clip, {measure(r.herd)} simulated" for r in far)
             raise refused(whole.name, f"no single brush fits these clips: {told}; learn from each clip separately")
 
 
@@ -405,7 +406,7 @@ def _learned(
     learnings = of if photo else 1 + of  # all frames are fitted at the end
     state, usual = herd.state(part), BUDGET / learnings
     budget = QUICK_BUDGET if wishes.quick else THOROUGH * usual if wishes.thorough else usual
-    if herd.kind == HERD and not wishes.resume and not fresh:
+    if herd.kind in (HERD, wishes.model) and not wishes.resume and not fresh:
         if state.exists():
             say(f"starting again: the state of an interrupted learning in {state} is discarded")
         state.unlink(missing_ok=True)

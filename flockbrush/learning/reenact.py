@@ -49,7 +49,7 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
     _checked(clip, export, video)
     if looking.body_length_m is None:
         looking = replace(looking, body_length_m=brush.body.length)
-    with held(*([export] if export is not None else [])), Interrupts() as interrupts, compiling():
+    with held(*([export] if export is not None else [])), Interrupts(), compiling():
         evidence = look_at(clip, looking)
         if evidence.still:
             raise refused(clip, "is one picture; there is no motion to compare with")
@@ -69,7 +69,7 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
             write_text(export, _csv(evidence, done[0]))
             say(f"wrote {export}")
         if video is not None:
-            _film(clip, evidence, brush, done[0], video, interrupts)
+            _film(clip, evidence, brush, done[0], video)
             say(f"wrote {video}")
     if as_json:
         print_json(_as_json(evidence, brush, comparison))
@@ -124,7 +124,7 @@ def _to_clip(evidence):
     return "px", np.full((2, 3), np.nan) if evidence.to_pixels is None else np.asarray(evidence.to_pixels)
 
 
-def _film(clip, evidence, brush, run, path, interrupts):
+def _film(clip, evidence, brush, run, path):
     """Clip left, simulation right."""
     pictures, scale = moving_pictures(clip, evidence)
     stage = ComparisonGround(evidence, brush, [longest_way(run)], scale)
@@ -139,8 +139,6 @@ def _film(clip, evidence, brush, run, path, interrupts):
             for _ in range(again):
                 video.write(image)
             bar(t + 1)
-            interrupts.gently()
-            interrupts.check()
 
 
 def _picture(stage, evidence, brush, run, frame, t):

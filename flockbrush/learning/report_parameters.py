@@ -50,9 +50,9 @@ def add_parameters(page, findings, show):
         "Ω), or "
         "the standard deviation of the Gaussian in distance or angle. Spread: standard deviation over the starts that "
         "fit the clip about equally well" + ("; only this start does." if alone else ".")
-        + (" Deviation: uncertainty given the turns of the animals (at least the Cramér-Rao bound); - if the turns contain no "
-           "information. Confounded: a change of these parameters fits about equally well (correlation of the errors "
-           ".7 or more). Weights are always confounded with the sensitivity Ω: only their product acts."
+        + (" Deviation: uncertainty given the turns of the animals (at least the Cramér-Rao bound); - if the turns "
+           "contain no information. Confounded: a change of these parameters fits about equally well (correlation of "
+           "the errors .7 or more). Weights are always confounded with the sensitivity Ω: only their product acts."
            if sure else ""), "small",
     )  # fmt: skip
     if learned.extras:

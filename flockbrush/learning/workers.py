@@ -19,7 +19,7 @@ from pathlib import Path
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.plain_json import read_json
 from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.learning.helpers import Helpers
+from flockbrush.learning.helpers import HelperGone, Helpers
 from flockbrush.runs.builds import build_of_worker
 from flockbrush.runs.cluster import OtherCode, let_go, work_as
 
@@ -98,7 +98,7 @@ class Workers:
 
     def __exit__(self, *error):
         if self.pool is not None:
-            let_go(self.pool, wait=error[0] is None)
+            let_go(self.pool)
         if self.own:
             self.helpers.__exit__(*error)
 
@@ -132,6 +132,11 @@ class Workers:
                     self._keep()
                 if done:
                     done(count)
+        except HelperGone as error:
+            if self.path is None:
+                raise
+            what, how = error.problems[0].file, f"{error.problems[0].message}; finished work is kept"
+            raise refused(what, f"{how}; continue with --resume") from None
         finally:
             self._keep()
         return [self.known[key] for key in keys]

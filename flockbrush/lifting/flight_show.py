@@ -218,10 +218,12 @@ class Show:
         ProblemsError
         """
         from flockbrush.output.export import check_exports
+        from flockbrush.output.exporter import exporter_of
 
         for path in map(Path, paths):
-            if path.suffix.lower() not in ENDINGS:
-                got = repr(path.suffix) if path.suffix else "none"
+            kind = exporter_of(path)  # .movebank.csv is none of these
+            if kind is None or not set(kind.endings) & set(ENDINGS):
+                got = repr("".join(path.suffixes)) if path.suffix else "none"
                 raise refused(path, f"the file extension of a flight must be one of {', '.join(ENDINGS)}; got {got}")
         check_exports(paths, [self.name], options=options)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 
 from flockbrush.components import FormationPlace, Heading, Position, Velocity
@@ -68,6 +70,8 @@ def film(level, path, seconds=60.0, seed=None, fps=16, theme="light", say=lambda
         ``frames``, and ``saved``: Σ g of a bird, mean over the birds in formation at the end of the film.
     """
     simulation, look, camera = start(level, seed=seed), theme_of(theme), FollowCamera()
+    if os.path.realpath(path) in map(os.path.realpath, simulation.inputs([path])):
+        raise refused(path, "the level is made of this file; choose another name")
     if not simulation.world.resource(Palette).flies.any():
         raise refused(level, "none of its animals fly; a film of a formation needs a level with birds, such as geese")
     every = max(1, round(32 / fps))

@@ -25,7 +25,7 @@ MEMORY = 2.0  # s of trails
 ALOFT = dict(density=0.03, heading=0.0)  # birds need room for their wings, and a flock meets in the air
 
 
-def preview(brush, path, agents=200, seconds=30.0, seed=0, start="scatter", theme="light", interrupts=None):
+def preview(brush, path, agents=200, seconds=30.0, seed=0, start="scatter", theme="light"):
     """Write the picture; headings are at random at the start, or all along a ring, and birds begin all one way.
 
     Parameters
@@ -49,9 +49,6 @@ def preview(brush, path, agents=200, seconds=30.0, seed=0, start="scatter", them
             if tick:
                 simulation.tick()
                 bar(tick)
-                if interrupts is not None:
-                    interrupts.gently()
-                    interrupts.check()
             if tick % 2 == 0 or tick in shots:
                 recent.append(moment_of(simulation, labels=False))
             if tick in shots:

@@ -47,12 +47,15 @@ def work_as(code: str, function: Callable, *arguments):
         return function(*arguments)
 
 
-def let_go(executor: Executor, wait=False):
-    """Shut an executor down; executors of clusters have no ``cancel_futures``."""
+def let_go(executor: Executor):
+    """Shut an executor down, and end its processes: nobody waits for what they still do."""
+    processes = list((getattr(executor, "_processes", None) or {}).values())  # of a pool on this machine
     try:
-        executor.shutdown(wait=wait, cancel_futures=True)
-    except TypeError:
-        executor.shutdown(wait=wait)
+        executor.shutdown(wait=False, cancel_futures=True)
+    except TypeError:  # executors of clusters have no ``cancel_futures``
+        executor.shutdown(wait=False)
+    for process in processes:
+        process.terminate()
 
 
 @dataclass(frozen=True)

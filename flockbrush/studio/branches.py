@@ -10,6 +10,8 @@ from typing import Any
 
 from flockbrush.behaviours.brush import BrushLibrary
 from flockbrush.engine.commands import Commands, script_after
+from flockbrush.engine.files import output_problems, refused
+from flockbrush.engine.problems import Problem
 from flockbrush.engine.state import StateError, check_beginning, pieces, snapshot, state_hash
 from flockbrush.levels.build import DT
 from flockbrush.levels.schema import Level
@@ -186,6 +188,14 @@ def between(entries, first, last):
 
 def tick_of(entry):
     return entry[0]
+
+
+def recording_problems(record, inputs) -> list[Problem]:
+    """What is wrong with the file of a recording, None without one; those of branches are named after it."""
+    if record is None:
+        return []
+    plain = f"{plain_name(record.stem)}.flock"
+    return output_problems([record], inputs) if record.name == plain else refused(record, f"name it {plain}").problems
 
 
 def plain_name(name):

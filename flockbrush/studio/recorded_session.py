@@ -142,7 +142,7 @@ class RecordedSession(Session):
         """As `Session.close`; the files that were unpacked go, unless unsaved work needs them."""
         if self.edits is not None:
             self.edits.close()
-        if not keep and not self.dirty:
+        if not self.unsaved:
             for file in self.unpacked:
                 file.unlink(missing_ok=True)
                 remove_empty(file.parent, self._recovery.folder)

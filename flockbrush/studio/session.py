@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from flockbrush.engine.commands import CommandError
-from flockbrush.engine.files import output_problems
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.editor import EditError, Editor, JournalError
@@ -20,7 +19,7 @@ from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level_text
 from flockbrush.runs import run as running
 from flockbrush.runs.snapshots import moment_of, names_of
-from flockbrush.studio.branches import Beginning
+from flockbrush.studio.branches import Beginning, recording_problems
 from flockbrush.studio.gauges import chart_of, sample_of
 from flockbrush.studio.history import History
 from flockbrush.studio.recovery import leftovers, recovered_branches
@@ -91,7 +90,7 @@ class Session(TickRunner, SessionFiles):
         """
         level, library = running.open_level(name)
         record = None if record is None else Path(record)
-        problems = output_problems([record] if record else [], [level.path])
+        problems = recording_problems(record, [level.path])
         if problems:
             raise ProblemsError(problems)
         notices: list[SessionNotice] = []

@@ -335,6 +335,11 @@ class SessionFiles:
             self._say("warning", f"new changes are not protected against a crash: {self.editor.journal_problem}")
             self.editor.journal_problem = ""
 
+    @property
+    def unsaved(self) -> bool:
+        """Whether anything would be lost without being saved."""
+        return self.dirty or bool(self.unsaved_branches or self.unsaved_brushes())
+
     def close(self, keep=False):
         """End the recordings in good order; whether something is left to recover.
 
@@ -343,7 +348,7 @@ class SessionFiles:
         keep : bool
             Whether what is not saved stays for next time.
         """
-        unsaved = self.dirty or bool(self.unsaved_branches or self.unsaved_brushes())
+        unsaved = self.unsaved
         keep = keep and unsaved and self._recovery is not None
         if keep:
             self._note()

@@ -108,6 +108,8 @@ def test_what_a_flight_cannot_become_is_refused_before_anything_is_written(fligh
         said == f"{out}: the file extension of a flight must be one of .csv, .parquet, .usdc, .usda; got '.{ending}'\n"
     )
     assert not (tmp_path / "out.csv").exists() and not out.exists()
+    collars = ["export", str(flight), "--to", str(tmp_path / "out.movebank.csv"), "--origin", "50,8"]
+    assert called(collars) == 1 and "got '.movebank.csv'" in capsys.readouterr().err
     assert called(["export", str(flight), "--to", str(tmp_path / "out.csv"), "--fps", "10"]) == 1
     assert "applies to recordings" in capsys.readouterr().err
     walkers = tmp_path / "walkers.csv"
@@ -125,6 +127,8 @@ def test_a_formation_becomes_a_brush(marks, tmp_path):
     assert brush.params.slope == pytest.approx(0.8, abs=0.15)
     assert brush.params.spacing == pytest.approx(1.25, abs=0.1)
     assert brush.provenance.kind == "learned"
+    assert called(["formation", "brush", str(formation), "-o", str(made), "--like", str(made)]) == 1
+    assert load_brush(made) == brush
 
 
 def test_arms_of_unlike_slopes_stay_unlike(tmp_path):
@@ -172,6 +176,17 @@ def test_a_film_of_geese_has_scale_and_units(tmp_path, monkeypatch):
     assert cv2.imread(str(picture)).shape == (680, 1120, 3)
     assert any(text.endswith("m; birds 1.5 times as large") for text in written)
     assert any("sum of g" in text for text in written) and {"0", "0.35"} <= set(written)
+
+
+def test_a_film_takes_the_place_of_no_file_that_its_level_is_made_of(tmp_path, monkeypatch, capsys):
+    from flockbrush.levels.build import Simulation
+
+    picture = tmp_path / "hill.png"
+    picture.write_bytes(b"heights")
+    monkeypatch.setattr(Simulation, "inputs", lambda self, outputs=(): [picture])
+    assert called(["formation", "film", "geese", "--seconds", "1", "-o", str(picture)]) == 1
+    assert "hill.png: the level is made of this file; choose another name" in capsys.readouterr().err
+    assert picture.read_bytes() == b"heights"
 
 
 @pytest.mark.parametrize(

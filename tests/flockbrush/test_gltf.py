@@ -397,3 +397,12 @@ def test_the_godot_script_reads_the_fields_and_types_that_are_documented(scenes)
     start = 20 + length + 8 + Scene(scenes["crowd"]).document["bufferViews"][about["bufferView"]]["byteOffset"]
     first = np.frombuffer(header, "<f4", 3, start)
     assert np.allclose(first, Scene(scenes["crowd"]).crowd()[1][0, 0]["place"])
+
+
+def test_more_animals_than_nodes_can_show_are_refused_before_the_run(cli, tmp_path, monkeypatch):
+    from flockbrush.output.gltf import animated_nodes
+
+    monkeypatch.setattr(animated_nodes, "MOST", 5)
+    done = cli("run", "meadow", "--agents", 6, "--seconds", 100_000, "--export", tmp_path / "a.glb")
+    assert done.code == 1 and "this run has 6; use --gltf-mode crowd" in done.err
+    assert list(tmp_path.iterdir()) == []

@@ -193,9 +193,12 @@ def test_only_what_was_kept_can_be_continued(cli, films, quick, tmp_path, monkey
         return whole(clips, kind, seed, **how)
 
     monkeypatch.setattr(learning, "learned_model", stopped)
-    done = cli("learn", films / "one.mp4", "--out", tmp_path / "lambs.brush.toml", "--model", "zones")
+    zones = "learn", films / "one.mp4", "--out", tmp_path / "lambs.brush.toml", "--model", "zones"
+    done = cli(*zones)
     assert done.code == 130 and "Learning was interrupted" in done.err and "--resume" not in done.err
     assert [path.name for path in tmp_path.iterdir()] == ["lambs.brush.toml"]
+    done = cli(*zones, "--resume")
+    assert done.code == 1 and "only the search of the herd model is kept, and the model is zones" in done.err
 
 
 def test_what_an_interrupted_learning_left_is_not_lost_without_a_word(cli, films, quick, tmp_path):

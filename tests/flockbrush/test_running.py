@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -214,6 +215,39 @@ def test_a_disk_that_is_full_stops_the_run_in_plain_words(cli, level, tmp_path, 
     assert (tmp_path / "a.csv").read_text() == "mine"
     assert open_recording(tmp_path / "a.flock").last_tick == 2
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv", "a.flock"]
+
+
+def test_an_export_that_is_refused_leaves_the_earlier_recording_where_it_is(cli, level, tmp_path):
+    kept = tmp_path / "a.flock"
+    assert cli("run", level, "--ticks", 4, "--record", kept).code == 0
+    before = kept.read_bytes()
+    for wrong in (["--export", tmp_path / "b.csv", "--fps", 60], ["--export", tmp_path / "b.xyz"]):
+        done = cli("run", level, "--ticks", 4, "--record", kept, *wrong)
+        assert done.code in (1, 2) and done.err
+        assert kept.read_bytes() == before and [p.name for p in tmp_path.iterdir()] == ["a.flock"]
+
+
+def test_options_of_exports_are_refused_where_nothing_is_exported(cli, level):
+    for words in (["--fps", 10], ["--theme", "dark"], ["--no-overlays"]):
+        done = cli("run", level, "--ticks", 2, *words)
+        assert done.code == 2 and words[0] in done.err
+
+
+def test_who_goes_ahead_of_a_run_to_compare_it_says_where_it_was_stopped(cli, level, tmp_path, monkeypatch):
+    from flockbrush.runs.synctest import SyncTest
+
+    whole = SyncTest._go_ahead
+
+    def stopped(self):
+        if self.compared:
+            os.kill(os.getpid(), signal.SIGINT)
+        whole(self)
+
+    monkeypatch.setattr(SyncTest, "_go_ahead", stopped)
+    done = cli("run", level, "--ticks", 30, "--synctest", 5, "--record", tmp_path / "a.flock")
+    assert done.code == 130
+    assert "stopped after tick 5; the written files are complete up to this tick" in done.err
+    assert open_recording(tmp_path / "a.flock").last_tick == 5
 
 
 # names and numbers --------------------------------------------------------------------

@@ -75,3 +75,15 @@ def test_what_was_followed_before_somebody_stops_it_is_kept(clip, tmp_path, caps
     assert called(["track", str(clip), "--out", str(tmp_path / "t.csv")]) == 130
     assert "t.csv is still the earlier file" in capsys.readouterr().err
     assert (tmp_path / "t.csv").read_text() == earlier
+
+
+def test_where_it_is_stopped_before_a_bird_is_known_nothing_is_written(clip, tmp_path, capsys, monkeypatch):
+    from flockbrush.film.tracking import Tracker
+
+    def stopped(self, image):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Tracker, "step", stopped)
+    assert called(["track", str(clip), "--out", str(tmp_path / "t.csv")]) == 130
+    assert "stopped after 0 frames, too few to track a bird; nothing was written" in capsys.readouterr().err
+    assert not (tmp_path / "t.csv").exists()

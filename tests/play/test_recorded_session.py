@@ -242,6 +242,11 @@ def test_nothing_of_it_stays_in_the_folder_of_sessions(recording, tmp_path):
     assert not [path for path in (tmp_path / "state").rglob("*.tmj") if "trash" not in path.parts]
 
 
+def test_nothing_stays_either_where_a_signal_ends_it_with_nothing_unsaved(recording, tmp_path):
+    open_recorded(recording, tmp_path / "state").close(keep=True)
+    assert [path for path in (tmp_path / "state").rglob("*") if path.is_file()] == []
+
+
 def test_names_that_lead_out_of_the_folder_are_refused(tmp_path):
     for name in ("../evil", "/etc/evil", "a/../../b", "c:evil", "a\\b"):
         with pytest.raises(RecordingError, match=r"r\.flock: contains a file .* outside its folder"):

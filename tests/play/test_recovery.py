@@ -3,6 +3,7 @@
 import pytest
 from crashed_session import crashed, sessions, thrown_away
 from flockbrush.behaviours.brush import shipped
+from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
 from flockbrush.engine.state import state_hash
 from flockbrush.systems.commands import AddAnimals, AddObstacle
@@ -35,6 +36,8 @@ def test_a_level_that_does_not_open_leaves_nothing(level, state, tmp_path):
     with pytest.raises(Exception, match="animals"):
         Session.open(level, agents=0, state_folder=state)
     assert not state.exists() or list(state.iterdir()) == []
+    with pytest.raises(ProblemsError, match="my walk.flock: name it my-walk.flock"):
+        Session.open(level, record=tmp_path / "my walk.flock", state_folder=state)
 
 
 def test_what_a_crash_left_goes_on_where_it_stood(level, state):

@@ -21,6 +21,13 @@ AT_ONCE = 1e-3  # s between two keyframes of what jumps
 SAME = 1e-6  # what changes by less does not move
 
 
+def check_number(animals: int) -> None:
+    """ProblemsError where there are more animals than animated nodes can show."""
+    if animals > MOST:
+        message = f"animated nodes are limited to {MOST} animals, and this run has {animals}"
+        raise refused("--gltf-mode nodes", f"{message}; use --gltf-mode crowd")
+
+
 class Herd:
     """Writes the animals of a run into a document, one after another.
 
@@ -32,9 +39,7 @@ class Herd:
     """
 
     def __init__(self, document, bodies, records, world, fps):
-        if len(records.slots) > MOST:
-            message = f"animated nodes are limited to {MOST} animals, and this run has {len(records.slots)}"
-            raise refused("--gltf-mode nodes", f"{message}; use --gltf-mode crowd")
+        check_number(len(records.slots))
         self.document, self.bodies, self.records, self.fps = document, bodies, records, fps
         self.words, self.wrap = words_of(bodies.simulation), bodies.simulation.world.resource(Landscape).wrap
         self.poses = list(bodies.poses)

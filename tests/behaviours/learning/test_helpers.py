@@ -1,6 +1,7 @@
 """Processes that help with learning: all tasks are done once, by this process too, and errors come back."""
 
 import os
+import time
 from concurrent.futures import Future
 
 import pytest
@@ -50,6 +51,16 @@ def test_an_error_comes_back_with_what_was_seen(jobs):
     with Helpers(jobs) as helpers, pytest.raises(CannotObserve, match="clip.mp4: no animals in 3") as error:
         helpers.later(refuses, 3).result()
     assert error.value.seen == {"animals": 3}
+
+
+def test_nobody_waits_for_what_is_not_wanted_any_more():
+    with Helpers(2) as helpers:
+        begun = helpers.later(time.sleep, 60.0)
+        while not begun.future.running():
+            time.sleep(0.05)
+        (process,) = helpers._pool._processes.values()
+    process.join(20.0)
+    assert not process.is_alive()
 
 
 def test_work_that_is_stopped_ends():
