@@ -20,6 +20,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 NEWEST = {"response to neighbours", "scatter of turns"}  # measures that figures of an earlier version do not have
+SHIPPED = "sheep-gps", "zebrafish"
 RESULTS, PAGE = HERE / "learning_tracks.json", HERE.parent / "docs" / "benchmark-tracks.md"
 
 
@@ -207,13 +208,16 @@ def _head(done):
             "This page is written by `python benchmarks/learning.py tracks --data DIR --write`, from open data that "
             "are not part of Flockbrush. Each brush is judged by frames or recordings that it was not learned from, "
             "with the [measures of the report](learning.md#the-report). The figures are of "
-            f"{' and '.join(dates)}; other versions learn other brushes."
+            f"{' and '.join(dates)}; other versions learn other brushes. Those of {' and '.join(SHIPPED)} are of the "
+            "brushes that come with Flockbrush, which an earlier version learned."
         ), "",
         _prose(
             "The table shows the distance of a simulated herd from the tracks: the root mean square of the differences "
             "of the measures, each divided by its limit; 1 is the limit. Measures that the tracks do not constrain "
             "are left out. *Constant velocity* means that all animals keep their velocity, *standing still* that none "
-            "moves."
+            "moves. In the other tables *tracks* and *simulated* are means over the held-out parts and, for distances, "
+            "speeds and turns, over quantiles; *difference* is the root mean square over the parts of the mean "
+            "difference of the quantiles, so it may be larger than that of the two columns."
         ), "",
     ]  # fmt: skip
 
