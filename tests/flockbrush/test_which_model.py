@@ -346,6 +346,7 @@ def test_nothing_is_compared_where_no_kind_can_be_learned(monkeypatch):
     monkeypatch.setattr(which_model, "problem_of", lambda *_: "it shows a part of a herd")
     found = compare_models([evidence_of(tracks("zones")[:48, :10])])
     assert found.rows == [] and found.contenders == [] and found.reason == "it shows a part of a herd"
+    assert found.sentence == "The models cannot be distinguished on this clip: it shows a part of a herd."
 
 
 def test_general_models_contend_where_they_may_be_the_best():
