@@ -159,17 +159,19 @@ def learn(
             workers=None if cluster is None else (cluster, Tls()), command="flockbrush.learn(...)", silent=True,
             length_m=None if of_tracks else looking.body_length_m, **options,
         )  # fmt: skip
-        try:
-            return result_of(learn_brushes(wishes)[0])
-        except Stopped:  # Python's own name for it
-            raise KeyboardInterrupt from None
+        return result_of(learn_brushes(wishes)[0])
 
 
 @contextmanager
 def _words_of_python(folder):
-    """Problems get the names of arguments for those of options, and lose the folder that arrays are kept in."""
+    """Problems get the names of arguments for those of options, and lose the folder that arrays are kept in.
+
+    Ctrl-C is what it is in Python.
+    """
     try:
         yield
+    except Stopped:
+        raise KeyboardInterrupt from None
     except ProblemsError as error:
         told = []
         for problem in error.problems:

@@ -154,11 +154,12 @@ def perception_of(vision: VisionSpec) -> str:
 def problem_of(clips: Sequence[Evidence], model: Behaviour | None = None) -> str:
     """Why the models of these clips cannot be compared, or not this one; "" where they can."""
     for clip in clips:
-        flies = model is not None and model.flight is not None
-        if flies and clip.fields.obstacle.any():
-            return f"it shows obstacles, and animals of the model {model.name} are simulated on open ground only"
-        if flies and clip.fields.shows_part:
-            return f"it shows a part of a herd, and animals of the model {model.name} are simulated in whole herds only"
+        if model is not None and model.flight is not None:
+            its = f"animals of the model {model.name} are simulated"
+            if clip.fields.obstacle.any():
+                return f"it shows obstacles, and {its} on open ground only"
+            if clip.fields.shows_part:
+                return f"it shows a part of a herd, and {its} in whole herds only"
         if not told_apart(clip):
             return "single animals could not be separated, and models are compared by the turns of single animals"
     return ""

@@ -152,3 +152,15 @@ def test_the_page_of_tracks_is_what_its_command_writes_of_the_figures_kept():
         line.split("|")[3].strip() for line in text.splitlines() if line.startswith(("| sheep-gps |", "| zebra"))
     ]
     assert len(constant) == 2 and all(float(value) > 1 for value in constant)
+
+
+def test_ctrl_c_is_what_it_is_in_python(monkeypatch):
+    from flockbrush.learning import learn
+    from flockbrush.runs.terminal import Stopped
+
+    def stopped(wishes):
+        raise Stopped
+
+    monkeypatch.setattr(learn, "learn_brushes", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        flockbrush.learn(np.zeros((20, 6, 2)), unit="m", fps=10)
