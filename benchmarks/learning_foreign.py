@@ -1,13 +1,15 @@
 """Learn from clips of models that learning was not developed on, and ask whether the verdict is right.
 
     python benchmarks/learning.py foreign [--clips turners pursuit ...] [--quick | --thorough] [--write]
+    python benchmarks/learning.py foreign --floor --seed 45
 
 Eight models (`UNSEEN` of ``benchmarks/unseen_herds.py``) are filmed like the clips of ``halves``, and a brush is
 learned as ``flockbrush learn`` does it.  Its herd starts as the last frame was observed and runs for 20 s, and so does
 the model itself with other random numbers.  The herd *moves alike* if polarization and milling agree within .1 and the
 distance to the nearest neighbour within 10 %, as means over the last 15 s and `FUTURES` runs of both: the limits of
 ``truth``.  The verdict is *right* if it is "moves like the film" for a herd that moves alike and another sentence for
-one that does not; "cannot be told" is right if the model itself, run against its other runs, is beyond the limits.
+one that does not; "cannot be told" is right if the model itself is beyond the limits.  Beside each stands the floor:
+`FUTURES` further runs of the model in the place of the herd (``--floor`` learns nothing and tells this alone).
 """
 
 from __future__ import annotations
@@ -36,12 +38,15 @@ def add(commands):
     parser.add_argument("--quick", action="store_true", help="learn with --quick")
     parser.add_argument("--thorough", action="store_true", help="learn with --thorough")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--floor", action="store_true", help="only the model against itself")
     parser.add_argument("--write", action="store_true", help=f"store the results in {RESULTS.name}")
     parser.set_defaults(run=run, perfect=False)
 
 
 def run(options):
     """Run the study; print a line for each clip, and the table."""
+    if options.floor:
+        return floors(options)
     rows = json.loads(RESULTS.read_text()) if options.write and RESULTS.exists() else {}
     for name in options.clips:
         rows[name] = of_clip(name, options)
@@ -55,10 +60,9 @@ def run(options):
 def of_clip(name, options):
     """Return the figures of one clip."""
     from flockbrush.engine.problems import ProblemsError
-    from learning_halves import evidence_of_clip, run_of
-    from learning_truth import FPS, FRESH, fresh, judged, measures_of_run
+    from learning_halves import evidence_of_clip
+    from learning_truth import fresh, judged
 
-    from benchmarks.foreign_herds import herd
     from flockbrush.learning.learn import LearnOptions, learn_brushes
 
     begun = time.perf_counter()
@@ -72,24 +76,50 @@ def of_clip(name, options):
             found = learn_brushes(wishes)[0]
         except ProblemsError as refusal:
             return {"kind": "refused", "sentence": str(refusal), "alike": False, "right": False}
-    end, learned = len(clip.fields) - 1, found.learned
-    futures = []
-    for seed in range(FUTURES):
-        truth = herd(name, options.animals, options.seconds + FRESH, seed=options.seed, other=(end, seed))
-        seen = dataclasses.replace(film, truth=truth).seen_from(0, clip.body_length_px)
-        futures.append(measures_of_run(run_of(seen, end, round(seen.fps / FPS))))
+    learned = found.learned
+    model, floor = futures(name, clip, film, options)
     told = learned.params, learned.speed, learned.body, learned.vision
     herds = [fresh(None, clip, *told, 300 + seed) for seed in range(FUTURES)]
-    mine, model = _means(herds), _means(futures)
-    alike = judged(mine, model)["kept"]
-    steady = all(judged(futures[k], _means(futures[:k] + futures[k + 1 :]))["kept"] for k in range(FUTURES))
+    mine = _means(herds)
+    alike, steady = (judged(which, model)["kept"] for which in (mine, floor))
     kind = "untold" if found.judgement is None else found.judgement.kind
     return {
         "kind": kind, "learned as": learned.kind, "sentence": found.verdict(), "alike": alike, "floor": steady,
         "right": not steady if kind == "untold" else (kind == "like") == alike,
-        "model": model, "herd": mine, "seen one by one": clip.sightings is not None,
+        "model": model, "model again": floor, "herd": mine, "seen one by one": clip.sightings is not None,
         "seconds": round(time.perf_counter() - begun),
     }  # fmt: skip
+
+
+def futures(name, clip, film, options):
+    """Return the means of `FUTURES` runs of the model from the last frame of its clip, and of as many others."""
+    from learning_halves import run_of
+    from learning_truth import FPS, FRESH, measures_of_run
+
+    from benchmarks.foreign_herds import herd
+
+    end, runs = len(clip.fields) - 1, []
+    for seed in range(2 * FUTURES):
+        truth = herd(name, options.animals, options.seconds + FRESH, seed=options.seed, other=(end, seed))
+        seen = dataclasses.replace(film, truth=truth).seen_from(0, clip.body_length_px)
+        runs.append(measures_of_run(run_of(seen, end, round(seen.fps / FPS))))
+    return _means(runs[:FUTURES]), _means(runs[FUTURES:])
+
+
+def floors(options):
+    """Print whether the models move as in other runs of theirs; learn nothing."""
+    from learning_halves import evidence_of_clip
+    from learning_truth import judged
+
+    rows = []
+    for name in options.clips:
+        with tempfile.TemporaryDirectory() as folder:
+            clip, film = evidence_of_clip(name, options, folder)
+            model, again = futures(name, clip, film, options)
+        rows.append({"clip": name, "model": model, "model again": again, "floor": judged(again, model)["kept"]})
+        print(f"{name}: {json.dumps(rows[-1])}", flush=True)
+    print(f"model against itself: {sum(row['floor'] for row in rows)} of {len(rows)}")
+    return rows
 
 
 def _means(rows):
