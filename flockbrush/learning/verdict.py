@@ -31,7 +31,6 @@ NEARER = 0.7  # of a brush's distance: a rival is nearer below it
 FEWEST = 5  # animals
 GROWN = 4.0  # times the spread of the clip: farther nothing is extrapolated
 FILM, TRACKS = "film", "tracks"  # what judges
-GROWTH_ERROR = MEASURES["growth"].floor / DEVIATIONS  # 1/s, of the growth of a clip
 ANYWHERE = 0.25  # of a limit, by which it grows at most where runs differ: those that go anywhere excuse nothing
 STILL, ONWARDS = "nobody moves", "all animals keep their velocity"
 RANDOM = "random numbers"
@@ -178,12 +177,13 @@ def after_long(battery: Battery, rows: list[BatteryRow], found: list[Series]) ->
             [s.value(row.name) if len(s.value(row.name)) == len(value) else value * np.nan for s in found]
         )
         level = float(np.abs(value).mean())
-        limit = max(kind.lasting, kind.lasting_share * level, 1.5 * row.limit) + _trend(battery, row.name)
+        limit = max(kind.lasting, kind.lasting_share * level, kind.lasting_limits * row.limit)
+        limit += _trend(battery, row.name)
         mean, most = values.mean(0), value
-        if row.name in ("spread", "nearest neighbour") and np.isfinite(growth):
+        if kind.growth_error is not None and np.isfinite(growth):
             most = value * min(np.exp(max(growth, 0.0) * ALONE), GROWN)  # as far as it would grow so
             if mean.mean() > most.mean():
-                unsure = (1.0 + kind.lasting_share) * np.exp(GROWTH_ERROR * ALONE) - 1.0
+                unsure = (1.0 + kind.lasting_share) * np.exp(kind.growth_error * ALONE) - 1.0
                 limit = max(limit, unsure * float(most.mean()))
         between = float(values.std(0, ddof=1).mean()) if len(values) > 1 else 0.0
         limit += min(DEVIATIONS * between / np.sqrt(len(values)), ANYWHERE * limit)
