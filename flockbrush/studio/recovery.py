@@ -60,17 +60,18 @@ class RecoveryFolder:
                 break
         self._lock = Lock(self.folder / LOCK)
 
-    def note(self, current, branches, brushes=()):
-        """Say which branches there are, where their files lie, and which changed brushes are in no file.
+    def note(self, current, branches, brushes=(), programs=()):
+        """Say which branches there are, where their files lie, and which changed brushes and programs are in no file.
 
         Parameters
         ----------
         current : str
         branches : dict of str to dict
             ``recording`` and ``journal`` (paths or None), ``parent`` and ``left``.
-        brushes : sequence of str
+        brushes, programs : sequence of str
         """
-        entries = {"level": str(self.level), "current": current, "branches": branches, "brushes": list(brushes)}
+        entries = {"level": str(self.level), "current": current, "branches": branches}
+        entries |= {"brushes": list(brushes), "programs": list(programs)}
         write_bytes(self.folder / NOTE, json.dumps(entries, default=str, indent=1).encode())
 
     def close(self, keep=False, unsaved=False):
@@ -117,6 +118,7 @@ class SessionNote(BaseModel):
     current: str
     branches: dict[str, BranchFiles]
     brushes: tuple[str, ...] = ()
+    programs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,9 @@ class Leftover:
     current: str
     branches: dict[str, BranchFiles]
     time: float  # s since 1970, of the last thing written
-    brushes: tuple[str, ...] = ()  # that were changed, which no saved level holds
+    # that were changed, which no saved level holds
+    brushes: tuple[str, ...] = ()
+    programs: tuple[str, ...] = ()
 
     def __str__(self):
         when = datetime.datetime.fromtimestamp(self.time).strftime("%d %B, %H:%M")
@@ -138,7 +142,8 @@ class Leftover:
     def unsaved(self):
         """Whether something was done in it that no file has; who only looked on has lost nothing."""
         journals = {Path(files.journal) for files in self.branches.values() if files.journal}
-        return bool(self.brushes) or any(map(_is_unsaved, journals | set(self.folder.glob("*.journal"))))
+        journals |= set(self.folder.glob("*.journal"))
+        return bool(self.brushes or self.programs) or any(map(_is_unsaved, journals))
 
     def discard(self):
         """Move it to the trash."""
@@ -220,7 +225,7 @@ def _read_note(folder):
     times = [_written(path) for files in branches.values() for path in (files.recording, files.journal) if path]
     if not any(times):
         return None
-    return Leftover(folder, Path(note.level), note.current, branches, max(times), note.brushes)
+    return Leftover(folder, Path(note.level), note.current, branches, max(times), note.brushes, note.programs)
 
 
 def _with_places(files, folder):

@@ -16,7 +16,6 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.editor import EditError, Editor, JournalError
 from flockbrush.levels.libraries import brush_library
-from flockbrush.levels.reader import read_level_text
 from flockbrush.runs import run as running
 from flockbrush.runs.snapshots import moment_of, names_of
 from flockbrush.studio.branches import Beginning, recording_problems
@@ -28,6 +27,7 @@ from flockbrush.studio.ticks_beside import TickRunner
 from flockbrush.studio.timeline import Timeline, WentWrong
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
+from flockbrush.systems.program_commands import UseProgram
 from flockbrush.systems.undo import UseBrush
 
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # of simulated to real time
@@ -294,26 +294,24 @@ class Session(TickRunner, SessionFiles):
         now, editor = self.timeline.current.beginning, self.editor
         try:
             beginning = Beginning(self._level_now(), self.brushes_known(), now.seed, now.agents)
-            self._begin(beginning, editor.restarted(), self.simulation.world.resource(Palette).own)
+            brushes = self.simulation.world.resource(Palette).own
+            self._begin(beginning, editor.restarted(), brushes, self.changed_programs())
         except ProblemsError as error:
             self._say("error", f"{error}\nThe level cannot start with this change; the run continues.")
 
-    def _level_now(self):
-        """The level with all that was done to it."""
-        level = self.timeline.current.beginning.level
-        if isinstance(self.editor, History):
-            return level
-        return read_level_text(self.editor.text().encode(), self.path, self.brushes_known(), level.files)
-
-    def _begin(self, beginning, editor, brushes=()):
-        """A branch with a beginning of its own, and these brushes in the hand; ProblemsError, and nothing changed."""
+    def _begin(self, beginning, editor, brushes=(), programs=()):
+        """A branch with a beginning of its own, these brushes and programs in it; ProblemsError: nothing changed."""
         playing, self.playing, self._goal = self.playing, False, None
         outdated = self.timeline.current.outdated and editor is not None
         self.timeline.begin(beginning)
         self.timeline.current.outdated = outdated
         known = {brush.name: brush for brush in self.simulation.world.resource(Palette).brushes}
-        tuned = [brush for brush in brushes if known.get(brush.name) != brush]
-        self.timeline.perform([UseBrush(brush.name, brush.source.decode()) for brush in tuned])
+        own = [UseBrush(brush.name, brush.source.decode()) for brush in brushes if known.get(brush.name) != brush]
+        own += [UseProgram(program.name, program.source.decode()) for program in programs]
+        try:
+            self.timeline.perform(own)
+        except CommandError as error:
+            self._say("warning", f"changed brushes and programs are only in the branch before: {_reason(error)}")
         if editor is None:
             self._edit()
         else:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from flockbrush.behaviours.brush import SUFFIX, Brush, save_brush
 from flockbrush.behaviours.brush_writer import brush_to_toml
-from flockbrush.behaviours.program import save_program, shipped_programs
+from flockbrush.behaviours.program import Program, save_program
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
@@ -28,7 +28,7 @@ from flockbrush.runs import run as running
 from flockbrush.studio.branches import Beginning, plain_name
 from flockbrush.studio.history import History
 from flockbrush.studio.recovery import RecoveryFolder
-from flockbrush.studio.tuned_brushes import is_tuned, tuned_by
+from flockbrush.studio.tuned_brushes import changed_by, is_tuned, tuned_by
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs
 
@@ -145,6 +145,13 @@ class SessionFiles:
         except (ProblemsError, OSError) as error:
             self._say("warning", f"{to} was saved, but cannot be opened yet: {error}")
 
+    def _level_now(self):
+        """The level with all that was done to it."""
+        level = self.timeline.current.beginning.level
+        if isinstance(self.editor, History):
+            return level
+        return read_level_text(self.editor.text().encode(), self.path, self.brushes_known(), level.files)
+
     @property
     def unsaved_branches(self):
         """Names of the other branches whose level is in no file."""
@@ -225,11 +232,15 @@ class SessionFiles:
         made = {b.name + SUFFIX: b.source for b in self.simulation.world.resource(Palette).own if b.name not in known}
         return self.library.with_files(made)
 
+    def _done_on_branches(self):
+        """The commands of all that was done in this window and not undone, branch by branch."""
+        for branch in self.branches.values():
+            yield [command for step in branch.editor.done for command in step.commands]
+
     def unsaved_brushes(self):
         """Brushes as they were changed in this window, on any branch, if no file has these numbers."""
         brushes: dict[str, Brush] = {}
-        for branch in self.branches.values():
-            done = (command for step in branch.editor.done for command in step.commands)
+        for done in self._done_on_branches():
             brushes |= {brush_to_toml(brush): brush for brush in tuned_by(done, self.library)}
         return [brush for text, brush in brushes.items() if text not in self._saved_brushes]
 
@@ -273,11 +284,17 @@ class SessionFiles:
     # programs --------------------------------------------------------------------
 
     def unsaved_programs(self):
-        """Programs of the world that were changed here, as no file has them."""
-        shipped = shipped_programs()
-        sources = self._saved_programs | {shipped.get(name).source for name in shipped.names()}
+        """Programs as they were changed in this window, on any branch, if no file has them."""
+        programs: dict[bytes, Program] = {}
+        for done in self._done_on_branches():
+            programs |= {program.source: program for program in changed_by(done)}
+        return [program for text, program in programs.items() if text not in self._saved_programs]
+
+    def changed_programs(self):
+        """Programs of the world that are not as the level had them when this run began."""
+        known = self.level.programs
         programs = self.simulation.world.resource(Programs).programs
-        return [program for program in programs if program.source not in sources]
+        return [p for p in programs if p.name not in known or known[p.name].source != p.source]
 
     @property
     def program_folder(self) -> Path:
@@ -338,7 +355,7 @@ class SessionFiles:
     @property
     def unsaved(self) -> bool:
         """Whether anything would be lost without being saved."""
-        return self.dirty or bool(self.unsaved_branches or self.unsaved_brushes())
+        return self.dirty or bool(self.unsaved_branches or self.unsaved_brushes() or self.unsaved_programs())
 
     def close(self, keep=False):
         """End the recordings in good order; whether something is left to recover.
@@ -386,7 +403,8 @@ class SessionFiles:
         self._recovery.level = Path(os.path.abspath(self.path))
         try:
             files = {name: self._files_of(branch) for name, branch in self.branches.items()}
-            self._recovery.note(self.branch_name, files, [brush.name for brush in self.unsaved_brushes()])
+            assets = ([asset.name for asset in assets] for assets in (self.unsaved_brushes(), self.unsaved_programs()))
+            self._recovery.note(self.branch_name, files, *assets)
         except ProblemsError as error:
             self._say("warning", f"new changes are not protected against a crash: {error}")
 

@@ -1,4 +1,4 @@
-"""Brushes that were changed in a session, whose numbers may be in no file."""
+"""Brushes and programs that were changed in a session, and may be in no file as they are."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from collections.abc import Iterable
 from contextlib import suppress
 
 from flockbrush.behaviours.brush import Brush
+from flockbrush.behaviours.program import SUFFIX, Program, load_program, shipped_programs
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.systems.commands import SetParameter
 from flockbrush.systems.edits import UseBrush
+from flockbrush.systems.program_commands import UseProgram
 
 
 def is_tuned(brush: Brush, library) -> bool:
@@ -38,3 +40,12 @@ def tuned_by(commands: Iterable, library) -> list[Brush]:
             brushes.append(brush.with_parameters(**numbers[name]) if name in numbers else brush)
     made = numbers.keys() - set(library.names())
     return [brush for brush in brushes if brush.name in made or is_tuned(brush, library)]
+
+
+def changed_by(commands: Iterable) -> list[Program]:
+    """Programs as these commands leave them, one after another, if they are not those that come with Flockbrush."""
+    texts = {command.name: command.source.encode() for command in commands if isinstance(command, UseProgram)}
+    shipped = shipped_programs()
+    known = {name: shipped.bytes_of(file) for name in texts if (file := shipped.file_of(name)) is not None}
+    changed = {name: text for name, text in texts.items() if known.get(name) != text}
+    return [load_program(text, f"{name}{SUFFIX}") for name, text in changed.items()]

@@ -3,6 +3,7 @@
 from functools import lru_cache
 
 from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.species import shipped_species
 from flockbrush.engine.recording import first_difference, open_recording, resume
 from flockbrush.engine.state import state_hash
 from flockbrush.levels.sketch import LevelSketch
@@ -11,6 +12,8 @@ from flockbrush.systems.edits import Paint
 
 from flockbrush.runs.run import rebuild, start
 
+GOAT = shipped_species().get("sheep").source
+
 
 @lru_cache(maxsize=1)
 def tiles():
@@ -18,7 +21,7 @@ def tiles():
     return project_files(shipped())
 
 
-def pasture(folder, name="pasture", sheep=9, script=True, boundary="wall"):
+def pasture(folder, name="pasture", sheep=9, script=True, boundary="wall", **flock):
     """The path of a new level, 24 x 16 m: sheep march past a stone; after a quarter second they swarm."""
     (folder / "tilesets").mkdir(parents=True, exist_ok=True)
     for file, content in tiles().items():
@@ -28,10 +31,36 @@ def pasture(folder, name="pasture", sheep=9, script=True, boundary="wall"):
     sketch.box("Obstacle", 16, 8, 2, 2, "stone")
     sketch.draw("Guide", [(3, 8), (21, 8)], "way", closed=False, radius=4)
     if sheep:
-        sketch.box("Spawn", 6, 8, 6, 6, "flock", species="sheep", brush="march", count=sheep, heading="east")
+        flock = {"species": "sheep", "brush": "march", "count": sheep, "heading": "east", **flock}
+        sketch.box("Spawn", 6, 8, 6, 6, "flock", **flock)
     if script:
         sketch.draw("Key", [(1, 1)], "loosen", at=0.25, command="SwitchBrush", brush="swarm")
     return sketch.save(folder / f"{name}.tmj")
+
+
+WARY = """schema = "flockbrush.program/1"
+
+[state.calm]
+brush = "march"
+
+[state.wary]
+brush = "swarm"
+for = "2..3 s"
+then = "calm"
+
+[[trigger]]
+from = "calm"
+to = "wary"
+when = { event = "alarm" }
+"""
+
+
+def of_ones_own(folder, **options):
+    """A pasture whose animals are of the designer's own species, and follow the designer's own program."""
+    for name, source in (("programs/wary.program.toml", WARY.encode()), ("species/goat.species.toml", GOAT)):
+        (folder / name).parent.mkdir(parents=True)
+        (folder / name).write_bytes(source)
+    return pasture(folder, species="goat", program="wary", **options)
 
 
 def stroke(brush, x, y, radius):
