@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from flockbrush.behaviours.program import ProgramLibrary, shipped_programs
 from flockbrush.levels.level_files import MemoryFiles, project_folder
@@ -30,10 +30,16 @@ def brush_library(path, files=None):
 
 
 def program_library(files):
-    """The programs a level can name: of its own folders ``programs`` and the shipped, or those of a recording."""
-    embedded = {name: data for name, data in getattr(files, "files", {}).items() if name.endswith(".program.toml")}
-    folders = [] if isinstance(files, MemoryFiles) else program_folders(files.level)
-    return ProgramLibrary([*folders, *shipped_programs().folders], embedded)
+    """The programs a level can name: of its own folders ``programs`` and the shipped, or those of a recording.
+
+    A level that is not as the disk has it has those that were kept, too.
+    """
+    recorded = isinstance(files, MemoryFiles)
+    library = ProgramLibrary([*([] if recorded else program_folders(files.level)), *shipped_programs().folders])
+    kept = files.files if recorded else getattr(files, "kept", {})
+    embedded = {name: data for name, data in kept.items() if name.endswith(library.suffix)}
+    lost = {name for name in embedded if recorded or library.file_called(PurePosixPath(name).name) is None}
+    return ProgramLibrary(library.folders, {name: embedded[name] for name in lost})
 
 
 def input_files(path, names) -> list[Path]:

@@ -17,10 +17,9 @@ from flockbrush.behaviours.program import Program, save_program
 from flockbrush.engine.files import refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
-from flockbrush.levels.build import brushes_used
 from flockbrush.levels.editor import Editor
-from flockbrush.levels.level_files import project_folder
-from flockbrush.levels.libraries import brush_library
+from flockbrush.levels.level_files import DiskFiles, project_folder
+from flockbrush.levels.libraries import brush_library, program_library
 from flockbrush.levels.reader import read_level_text
 from flockbrush.levels.schema import PROJECT_FILE
 from flockbrush.levels.tiled import renew_brushes
@@ -33,6 +32,7 @@ from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs
 
 AUTOSAVE_SECONDS = 1.0  # s; what a crash may take at most
+ADVICE = "Such a level could not be opened again: undo what is missing, or change or remove what names it.\n"
 LITTLE_ROOM = 60  # minutes of the run that a disk has room for; with less, who records is warned
 
 
@@ -103,54 +103,62 @@ class SessionFiles:
     def save(self, path=None):
         """Write the level, in its place or elsewhere; the path, or False and a notice.
 
-        What was there before is kept as NAME.tmj.bak.
+        What was there before is kept as NAME.tmj.bak.  A level that could not be opened again is not written.
         """
-        to = Path(os.path.abspath(self.path if path is None else path))
+        to, advice = Path(os.path.abspath(self.path if path is None else path)), ""
         try:
             if to.parent == running.SHIPPED:  # whatever is open
                 raise refused(to, "is part of Flockbrush and cannot be changed; save it under another name")
             if not to.parent.is_dir():
                 raise refused(to, f"there is no folder {str(to.parent)!r}")
+            advice = ADVICE
+            needed, advice = self._needed(), ""
             self.editor.save(to)
         except (ProblemsError, OSError, ValueError) as error:
-            self._say("error", f"{error}\nThe level was not saved; your changes are kept in this window.")
+            self._say("error", f"{error}\n{advice}The level was not saved; your changes are kept in this window.")
             return False
-        self._bring_along(to)
-        self._tell_tuned(brush_library(to))
+        self._bring_along(to, needed)
         self.path, self._file, self.lent = to, LevelFile(to), False
+        self.library = brush_library(to, self.level.files)
+        self._tell_tuned()
         for branch in self.branches.values():
             branch.outdated = branch is not self.timeline.current
         self._note()
         return to
 
-    def _bring_along(self, to):
-        """In another folder: brushes of one's own, and tilesets that are lost at the old place; brushes of the run."""
-        known, library = brush_library(to).names(), self.brushes_known()
-        made = any(brush.name not in known for brush in self.simulation.world.resource(Palette).own)
-        if not made and to.parent == self.path.parent and all((to.parent / name).exists() for name in self.level.files):
-            return
+    def _level_now(self):
+        """The level with all that was done to it; ProblemsError."""
+        if isinstance(self.editor, History):
+            return self.timeline.current.beginning.level
+        files = self.simulation.assets()
+        return read_level_text(self.editor.text().encode(), self.path, self.brushes_known(), files)
+
+    def _needed(self):
+        """{name: bytes} of all files of the level as it is now; ProblemsError when it could not be opened."""
+        simulation = running.begin(self._level_now(), self.brushes_known())
+        files = simulation.assets()
+        simulation.close()
+        return files
+
+    def _bring_along(self, to, needed):
+        """Write beside a saved level those of the files it needs that it does not find from there."""
+        brushes = brush_library(to)
+        libraries = {"brushes": brushes, "species": brushes.species, "programs": program_library(DiskFiles(to))}
         try:
-            level = read_level_text(self.editor.text().encode(), to, library, self.level.files)
-            files = dict(list(level.files.items())[1:])
-            own = [name for name in brushes_used(level) if name not in known]
-            files |= {f"brushes/{name}{SUFFIX}": library.bytes_of(library.path(name)) for name in own}
-            for name, data in files.items():
-                if (to.parent / name).exists():
-                    if (to.parent / name).read_bytes() != data:
-                        told = f"{to.parent / name} is another file of this name, which the level uses from now on"
-                        self._say("warning", told)
-                else:
-                    (to.parent / name).parent.mkdir(parents=True, exist_ok=True)
-                    write_bytes(to.parent / name, data, overwrite=False)
+            level = read_level_text(self.editor.text().encode(), to, self.brushes_known(), needed)
+            files = {name: (data, to.parent / name) for name, data in list(level.files.items())[1:]}
+            for name, data in needed.items():
+                library = libraries.get(name.partition("/")[0])
+                if library is not None and name not in files:
+                    files[name] = data, library.file_called(Path(name).name) or to.parent / name
+            for data, there in files.values():
+                if not there.exists():
+                    there.parent.mkdir(parents=True, exist_ok=True)
+                    write_bytes(there, data, overwrite=False)
+                elif there.read_bytes() != data:
+                    self._say("warning", f"{there} is another file of this name, which the level uses from now on")
         except (ProblemsError, OSError) as error:
             self._say("warning", f"{to} was saved, but cannot be opened yet: {error}")
-
-    def _level_now(self):
-        """The level with all that was done to it."""
-        level = self.timeline.current.beginning.level
-        if isinstance(self.editor, History):
-            return level
-        return read_level_text(self.editor.text().encode(), self.path, self.brushes_known(), level.files)
 
     @property
     def unsaved_branches(self):
@@ -158,9 +166,9 @@ class SessionFiles:
         here = self.timeline.current
         return [name for name, branch in self.branches.items() if branch is not here and branch.editor.dirty]
 
-    def _tell_tuned(self, library):
+    def _tell_tuned(self):
         """Say once which brushes have other numbers here than in their files, which is what the level will have."""
-        tuned = {b.name for b in self.simulation.world.resource(Palette).own if is_tuned(b, library)}
+        tuned = {b.name for b in self.simulation.world.resource(Palette).own if is_tuned(b, self.library)}
         if tuned - self._tuned:
             names = ", ".join(sorted(tuned))
             told = f"{names}: changed in this run and not in the level, which has the brush files as they were"

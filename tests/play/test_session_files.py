@@ -14,14 +14,20 @@ from flockbrush.engine.state import state_hash
 from flockbrush.levels.level_writer import Document
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, SetParameter
-from flockbrush.systems.edits import DrawGuide, MarkSpawn
+from flockbrush.systems.edits import DrawGuide, MarkSpawn, RemoveThing
+from flockbrush.systems.fauna import SpeciesList
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.life import Nursery
+from flockbrush.systems.mark_commands import DrawZone, PlaceKey
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.program_commands import UseProgram
 from flockbrush.systems.programs import Programs
+from flockbrush.systems.undo import MixBrush, UseBrush
 from small_pasture import WARY, of_ones_own, pasture, stroke, texts, verified
 
 from flockbrush.cli.main import called
 from flockbrush.studio.history import History
+from flockbrush.studio.recorded_session import open_recorded
 from flockbrush.studio.session import Session
 
 
@@ -231,8 +237,6 @@ def test_a_level_saved_in_another_folder_has_all_it_needs(session, tmp_path):
     mine = shipped().get("march").model_copy(update={"name": "mine"})
     assert session.save_brush(mine) == session.path.parent / "brushes" / "mine.brush.toml"
     assert "mine" in session.library.names()
-    from flockbrush.systems.undo import UseBrush
-
     session.do("use", [UseBrush("mine", mine.source.decode())])
     session.do("paint", [stroke("mine", 8, 8, 2)])
     to = tmp_path / "elsewhere" / "walk.tmj"
@@ -241,6 +245,83 @@ def test_a_level_saved_in_another_folder_has_all_it_needs(session, tmp_path):
     again = Session.open(to, state_folder=tmp_path / "state")
     again.step(2)
     again.close()
+
+
+@pytest.mark.parametrize("of", ["level", "recording"])
+def test_species_and_programs_of_ones_own_go_where_their_level_is_saved(tmp_path, of):
+    (tmp_path / "elsewhere").mkdir()
+    session = Session.open(of_ones_own(tmp_path / "own"), state_folder=tmp_path / "state")
+    if of == "recording":
+        session.step(4)
+        assert session.export_recording(tmp_path / "walk.flock")
+        session.close()
+        session = open_recorded(tmp_path / "walk.flock", tmp_path / "state")
+    shutil.rmtree(tmp_path / "own" / "programs")  # the level that is open still knows it
+    texts(session)
+    to = tmp_path / "elsewhere" / "pasture.tmj"
+    assert session.save(to) == to and texts(session) == []
+    session.close()
+    assert {str(path.relative_to(to.parent)) for path in to.parent.rglob("*.toml")} == {
+        "programs/wary.program.toml", "species/goat.species.toml",
+    }  # fmt: skip
+    again = Session.open(to, state_folder=tmp_path / "state")
+    assert [one.name for one in again.simulation.world.resource(SpeciesList).assets] == ["goat"]
+    assert again.level.programs["wary"].source == WARY.encode() and again.save() and texts(again) == []
+    again.close()
+
+
+def test_a_program_of_the_same_name_elsewhere_is_left_alone_and_said(tmp_path):
+    session = Session.open(of_ones_own(tmp_path / "own"), state_folder=tmp_path / "state")
+    other = tmp_path / "elsewhere" / "programs" / "wary.program.toml"
+    other.parent.mkdir(parents=True)
+    other.write_text(WARY.replace("2..3 s", "4..5 s"))
+    assert session.save(tmp_path / "elsewhere" / "pasture.tmj")
+    assert texts(session) == [f"{other} is another file of this name, which the level uses from now on"]
+    assert "4..5 s" in other.read_text()
+    session.close()
+
+
+NEEDS = {  # a key, what is removed that it names, and what is said
+    "species": (("SwitchBrush", {"brush": "march", "species": "wolf"}), "spawn", "there is no species 'wolf'"),
+    "obstacle": (("MoveObstacle", {"name": "stone", "x": 12.0, "y": 4.0}), "obstacle", "there is no obstacle 'stone'"),
+    "program": (("Event", {"name": "alarm"}), "spawn", "no program of this world listens for an event"),
+}
+
+
+@pytest.mark.parametrize("what", NEEDS)
+def test_a_level_whose_script_names_what_was_removed_is_not_written(tmp_path, what):
+    (command, args), kind, told = NEEDS[what]
+    level = of_ones_own(tmp_path / "own", script=False)
+    session = Session.open(level, state_folder=tmp_path / "state")
+    number, key = session.editor.new_id(), session.editor.new_id()
+    program, species = ("wary", "sheep") if what == "program" else ("", "wolf")
+    corners, places = [[18, 12], [22, 12], [22, 15], [18, 15]], [[2, 12], [6, 12], [6, 15], [2, 15]]
+    flock = MarkSpawn(number, "others", corners, "swarm", species, 2, program=program)
+    assert session.do("spawn", [MarkSpawn(session.editor.new_id(), "sheep", places, "march", "sheep", 1), flock])
+    assert session.do("key", [PlaceKey(key, "later", 60.0, command, args, 4.0, 4.0)]), texts(session)
+    assert session.save() == level and texts(session) == []
+    things = {
+        "spawn": session.simulation.world.resource(Nursery).spawns,
+        "obstacle": session.simulation.world.resource(Landscape).obstacles,
+    }[kind]
+    gone = [thing.id for thing in things if thing.name in ("others", "flock", "stone")]
+    before = level.read_bytes()
+    for number in gone:
+        assert session.do("remove", [RemoveThing(kind, number)])
+    for to in (None, tmp_path / "copy.tmj"):
+        assert session.save(to) is False
+        (text,) = texts(session)
+        assert told in text and f"object {key} 'later'" in text and "undo what is missing" in text
+    assert level.read_bytes() == before and not (tmp_path / "copy.tmj").exists() and session.dirty
+    assert session.do("key", [RemoveThing("key", key)]) and session.save() == level and read_level(level)
+    session.close()
+
+
+def test_a_level_that_names_a_brush_between_two_is_not_written(session):
+    zone = DrawZone(100, "between", [[2, 2], [8, 2], [8, 8], [2, 8]], brush="march--swarm--6of12")
+    mixed = [UseBrush("swarm", shipped().get("swarm").source.decode()), MixBrush("swarm", {})]
+    assert session.do("zone", [*mixed, zone]), texts(session)
+    assert session.save() is False and "there is no brush 'march--swarm--6of12'" in texts(session)[0]
 
 
 def test_a_brush_is_not_replaced_unasked(session):
