@@ -35,7 +35,7 @@ OVERLAYS = ("trails", "shadows", "dust", "forces", "field_of_view")  # shown at 
 QUICK = 0.03  # s, while the mouse moves over them
 FRESH = 0.15  # s between two looks at labels
 DISK = 1.0  # s between two looks at the level file
-KEPT = "unsaved changes are kept; flockbrush play offers to recover them when you open the level again"
+KEPT = "unsaved changes are kept; flockbrush play offers to recover them when you open the same file again"
 
 
 class App(ActiveTool, AppActions, CanvasEvents, Window):

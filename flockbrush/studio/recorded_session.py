@@ -17,10 +17,10 @@ from flockbrush.studio.recording_edits import edits_of_recording
 from flockbrush.studio.recovery import RecoveryFolder
 from flockbrush.studio.session import Session
 from flockbrush.studio.session_files import LevelFile, SessionNotice
+from flockbrush.studio.session_folders import RECORDED
 from flockbrush.studio.timeline import KEYFRAME_BYTES, Timeline, WentWrong
 
 SUFFIX = ".flock"
-FOLDER = "recorded"  # in the folder of the session
 MAIN = "main"  # the branch that is the recording
 NAMED = 3  # of the changes that a level cannot hold
 
@@ -34,7 +34,6 @@ class RecordedSession(Session):
         Seconds that the recording lasts: edits hold on its own branch up to there.
     """
 
-    unpacked: tuple[Path, ...] = ()
     recorded = 0.0
     _stops = False  # whether playing pauses at the end of the recording
 
@@ -42,16 +41,28 @@ class RecordedSession(Session):
     def recover(cls, left, state_folder=None):
         """As `Session.recover`; the level is unpacked again.  ProblemsError when there is no place for it."""
         session = super().recover(left, state_folder)
-        session.lent = True
-        session.unpacked = tuple(file for file in (session._recovery.folder / FOLDER).rglob("*") if file.is_file())
+        session.lent = left.folder in left.level.parents
+        try:
+            session.show_edits(open_recording(session.recording))
+        except (RecordingError, OSError) as error:
+            session._say("warning", f"the edits of this recording are not shown: {error}")
         return session
 
     @staticmethod
     def _level_of(left, recovery, assets):
+        if left.folder not in left.level.parents:  # it was saved elsewhere
+            return left.level
         if recovery is None:
             raise refused(left.level, "there is no place to unpack the level of the recording again")
-        unpacked(assets, recovery.folder / FOLDER, left.folder)
+        unpack(assets, recovery.folder / RECORDED, left.folder)
         return recovery.folder / left.level.relative_to(left.folder)
+
+    def show_edits(self, run):
+        """Show the edits of the recording, up to its end."""
+        self.recorded = run.last_tick * run.header["dt"]
+        self.edits, why = edits_of_recording(self.recording)
+        if why:
+            self._say("warning", why)
 
     def _recovered_editor(self, name, journal, path=None):
         return super()._recovered_editor(name, journal, self.path)
@@ -139,24 +150,10 @@ class RecordedSession(Session):
         return super().redo_label or (self.edits.redo_label if hold else None)
 
     def close(self, keep=False):
-        """As `Session.close`; the files that were unpacked go, unless unsaved work needs them."""
+        """As `Session.close`."""
         if self.edits is not None:
             self.edits.close()
-        if not self.unsaved:
-            for file in self.unpacked:
-                file.unlink(missing_ok=True)
-                remove_empty(file.parent, self._recovery.folder)
         return super().close(keep)
-
-
-def remove_empty(folder, below):
-    """Remove a folder and those around it, as long as they are empty and below another one."""
-    while folder != below and below in folder.parents:
-        try:
-            folder.rmdir()
-        except OSError:
-            return
-        folder = folder.parent
 
 
 def is_recording(path) -> bool:
@@ -183,7 +180,7 @@ def open_recorded(path, state_folder=None) -> Session:
     try:
         level, library = running.embedded_level(run)
         recovery = RecoveryFolder(Path(path).with_suffix(".tmj"), state_folder)
-        files = unpacked(run.assets, recovery.folder / FOLDER, run.path)
+        unpack(run.assets, recovery.folder / RECORDED, run.path)
         branch = Branch.begun(MAIN, Beginning(level, library, run.header["seed"], run.header.get("agents")), simulation)
         branch.header, branch.assets = run.header, run.assets
         branch.take_over(run, simulation.world, KEYFRAME_BYTES // 2)
@@ -199,44 +196,41 @@ def open_recorded(path, state_folder=None) -> Session:
         raise
     finally:
         simulation.close()
-    home = recovery.folder / FOLDER / run.header["level"]
+    home = recovery.folder / RECORDED / run.header["level"]
     session = RecordedSession(home, timeline, recovery, [SessionNotice("info", _opening_notice(run))])
-    session.lent, session.library, session.unpacked = True, library, files
+    session.lent, session.library, session.recording = True, library, Path(path)
     session._file = LevelFile(home, level.files[level.path.name])
     session._edit()
     session.take_into_level(branch.done_by_hand())
-    session.recorded = run.last_tick * run.header["dt"]
-    session.edits, why = edits_of_recording(path)
-    for warning in filter(None, (why, unlike)):
-        session._say("warning", warning)
+    session.show_edits(run)
+    if unlike:
+        session._say("warning", unlike)
     return session
 
 
 def recovered(left, state_folder=None) -> Session:
     """Go on where a crash ended a session, of a level or of a recording, as `Session.recover`."""
-    kind = RecordedSession if left.folder in left.level.parents else Session
+    kind = Session if left.recording is None else RecordedSession
     return kind.recover(left, state_folder)
 
 
-def unpacked(assets, folder, source) -> tuple[Path, ...]:
-    """Write the files that a recording embeds below a folder, which becomes a project of its own; their paths.
+def unpack(assets, folder, source):
+    """Write the files that a recording embeds below a folder, which becomes a project of its own.
 
     Raises
     ------
     RecordingError
         When a name leads out of the folder.
     """
-    files = []
     for name, data in assets.items():
         parts = PurePosixPath(name).parts
         if not parts or name.startswith("/") or ".." in parts or "\\" in name or ":" in name or "\0" in name:
             raise RecordingError(f"{source}: contains a file {name!r} outside its folder")
         to = folder.joinpath(*parts)
         to.parent.mkdir(parents=True, exist_ok=True)
-        files.append(write_bytes(to, data))
+        write_bytes(to, data)
     if not (folder / PROJECT_FILE).exists():  # levels may use what lies above their own folder
-        files.append(write_bytes(folder / PROJECT_FILE, b"{}"))
-    return tuple(files)
+        write_bytes(folder / PROJECT_FILE, b"{}")
 
 
 def _opening_notice(run):

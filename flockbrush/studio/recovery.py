@@ -38,7 +38,7 @@ class RecoveryFolder:
     Parameters
     ----------
     level : path
-        The level that is open.
+        The level that is open; the attribute ``recording`` is the recording that it was unpacked from, if it was.
     root : path, optional
         Where the folders of all sessions are; `state_folder` by default.
 
@@ -50,6 +50,7 @@ class RecoveryFolder:
 
     def __init__(self, level, root=None):
         self.level = Path(os.path.abspath(level))
+        self.recording: Path | None = None
         root = state_folder() if root is None else Path(root)
         root.mkdir(parents=True, exist_ok=True)
         stem = f"{plain_name(self.level.stem)}-{os.getpid()}"
@@ -71,6 +72,7 @@ class RecoveryFolder:
         brushes, programs : sequence of str
         """
         entries = {"level": str(self.level), "current": current, "branches": branches}
+        entries["recording"] = self.recording and os.path.abspath(self.recording)
         entries |= {"brushes": list(brushes), "programs": list(programs)}
         write_bytes(self.folder / NOTE, json.dumps(entries, default=str, indent=1).encode())
 
@@ -84,14 +86,13 @@ class RecoveryFolder:
         unsaved : bool
             There is unsaved work, which goes to the trash instead of being removed.
         """
-        self._lock.release()
-        if keep:
+        if not keep and not unsaved:
+            folders.remove(self.folder, self._lock)
             return
-        if unsaved:
+        self._lock.release()
+        if not keep:
             with contextlib.suppress(OSError):
                 folders.set_aside(self.folder, TRASH)
-        else:
-            folders.remove(self.folder)
 
 
 class Damaged(Exception):
@@ -117,6 +118,7 @@ class SessionNote(BaseModel):
     level: str
     current: str
     branches: dict[str, BranchFiles]
+    recording: str | None = None
     brushes: tuple[str, ...] = ()
     programs: tuple[str, ...] = ()
 
@@ -130,13 +132,14 @@ class Leftover:
     current: str
     branches: dict[str, BranchFiles]
     time: float  # s since 1970, of the last thing written
+    recording: Path | None = None  # that was open
     # that were changed, which no saved level holds
     brushes: tuple[str, ...] = ()
     programs: tuple[str, ...] = ()
 
     def __str__(self):
         when = datetime.datetime.fromtimestamp(self.time).strftime("%d %B, %H:%M")
-        return f"{self.level.name}, {when}"
+        return f"{(self.recording or self.level).name}, {when}"
 
     @property
     def unsaved(self):
@@ -153,7 +156,7 @@ class Leftover:
 
 
 def leftovers(level=None, root=None, tell: Callable[[str], object] = lambda text: None) -> list[Leftover]:
-    """What crashes left, of one level or of all, the latest first.
+    """What crashes left, of one level or recording or of all, the latest first.
 
     What has no unsaved work and no note goes to the trash; what is damaged is set aside, and ``tell`` is told.
     """
@@ -170,7 +173,7 @@ def leftovers(level=None, root=None, tell: Callable[[str], object] = lambda text
         return []
     sessions = [left for folder in ended if (left := _leftover(folder, tell)) is not None]
     if level is not None:
-        sessions = [left for left in sessions if left.level == Path(os.path.abspath(level))]
+        sessions = [left for left in sessions if Path(os.path.abspath(level)) in (left.level, left.recording)]
     return sorted(sessions, key=lambda left: left.time, reverse=True)
 
 
@@ -225,7 +228,9 @@ def _read_note(folder):
     times = [_written(path) for files in branches.values() for path in (files.recording, files.journal) if path]
     if not any(times):
         return None
-    return Leftover(folder, Path(note.level), note.current, branches, max(times), note.brushes, note.programs)
+    recording = None if note.recording is None else Path(note.recording)
+    changed = note.brushes, note.programs
+    return Leftover(folder, Path(note.level), note.current, branches, max(times), recording, *changed)
 
 
 def _with_places(files, folder):

@@ -46,10 +46,11 @@ class Session(TickRunner, SessionFiles):
     playing : bool
     lent : bool
         Whether the level's file is not the designer's: it comes with Flockbrush, or out of a recording.
-    edits : RecordingEdits or None
-        Of a recording: its edits after the run.
+    recording, edits : Path, RecordingEdits, or None
+        The recording that was opened, and its edits after the run.
     """
 
+    recording: Path | None = None
     edits: Any = None
     edition = 0  # another number whenever edits show the same run in another way
 
@@ -127,6 +128,7 @@ class Session(TickRunner, SessionFiles):
             except WentWrong as error:
                 raise RecordingError(f"{left.level}: {error}") from None
         session = cls(path, timeline, recovery, notices)
+        session.recording = left.recording
         session.library = brush_library(session.path, session.level.files)
         for name, branch in timeline.branches.items():
             session._adopt(session._recovered_editor(name, left.branches[name].journal), branch)
@@ -146,7 +148,7 @@ class Session(TickRunner, SessionFiles):
 
     @staticmethod
     def recoverable(name=None, state_folder=None, tell=lambda text: None):
-        """What crashes left unsaved of a level, or of all: `recovery.Leftover`, the latest first.
+        """What crashes left unsaved of a level or recording, or of all: `recovery.Leftover`, the latest first.
 
         What they left of sessions without unsaved work goes to the trash.  ``tell`` is told what was set aside.
         """

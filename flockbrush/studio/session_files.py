@@ -409,6 +409,7 @@ class SessionFiles:
             return
         self.timeline.flush()
         self._recovery.level = Path(os.path.abspath(self.path))
+        self._recovery.recording = self.recording
         try:
             files = {name: self._files_of(branch) for name, branch in self.branches.items()}
             assets = ([asset.name for asset in assets] for assets in (self.unsaved_brushes(), self.unsaved_programs()))

@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import shutil
 import sys
 import time
 from pathlib import Path
@@ -20,6 +21,7 @@ from flockbrush.engine.files import clear_leftovers, home
 from flockbrush.engine.locks import abandoned, is_held, is_marked
 
 NOTE, LOCK = "session.json", "lock"
+RECORDED = "recorded"  # the files of a recording that is open, unpacked; a session owns all that is in it
 TRASH, DAMAGED = "trash", "damaged"
 KEPT = 30 * 86400  # s that a folder stays in the trash
 LARGEST_TRASH = 2 << 30  # bytes; beyond, the oldest folders go sooner
@@ -93,16 +95,33 @@ def set_aside(folder, name) -> Path | None:
     return None
 
 
-def remove(folder):
-    """Remove the files that a session wrote, and its folder if nothing else is in it."""
+def remove(folder, lock):
+    """Remove what a session wrote, its lock, which must be ours, last, and its folder if nothing else is in it."""
     folder = Path(folder)
+    if not is_ours(folder):
+        return
     clear_leftovers(folder)
-    for entry in list(os.scandir(folder)):
-        if entry.is_file(follow_symlinks=False) and (entry.name in (NOTE, LOCK) or entry.name.endswith(OURS)):
-            with contextlib.suppress(OSError):
-                os.unlink(entry.path)
+    shutil.rmtree(folder / RECORDED, ignore_errors=True)  # no links are followed
+    for entry in _written_by_us(folder):
+        with contextlib.suppress(OSError):
+            os.unlink(entry.path)
+    if (folder / RECORDED).is_dir() or _written_by_us(folder):
+        lock.release()  # next time
+    else:
+        lock.remove()
     with contextlib.suppress(OSError):
         folder.rmdir()
+
+
+def _written_by_us(folder):
+    """The files in a session's folder that a session wrote, besides the lock."""
+    files = (entry for entry in os.scandir(folder) if entry.is_file(follow_symlinks=False))
+    return [entry for entry in files if entry.name == NOTE or entry.name.endswith(OURS)]
+
+
+def _size(folder):
+    """Bytes of all files in a folder and below it."""
+    return sum(os.lstat(os.path.join(where, name)).st_size for where, _, names in os.walk(folder) for name in names)
 
 
 def empty_trash(root):
@@ -112,8 +131,10 @@ def empty_trash(root):
         aged = sorted(((folder.stat().st_mtime, folder) for folder in folders), reverse=True)
         room = LARGEST_TRASH
         for when, folder in aged:
-            room -= sum(entry.stat().st_size for entry in os.scandir(folder) if entry.is_file(follow_symlinks=False))
+            room -= _size(folder)
             if room < 0 or when < time.time() - KEPT:
-                remove(folder)
+                lock = abandoned(folder / LOCK)
+                if lock is not None:
+                    remove(folder, lock)
     except OSError:
         return  # next time

@@ -113,7 +113,6 @@ def refuse_wishes(wishes):
 
 def _playground(session, wishes, size):
     from flockbrush.studio.app import App
-    from flockbrush.studio.recorded_session import is_recording
     from flockbrush.studio.session import Session
 
     scale = wishes.text_size and wishes.text_size / 100
@@ -122,8 +121,7 @@ def _playground(session, wishes, size):
     except BaseException:
         session.close(keep=True)
         raise
-    known = None if is_recording(wishes.level) else wishes.level
-    left = known and Session.recoverable(known, tell=lambda text: app.notify(text, "warning"))
+    left = Session.recoverable(wishes.level, tell=lambda text: app.notify(text, "warning"))
     if left:
         app.offer_recovery(left[0])
     return app

@@ -1,8 +1,12 @@
 """A recording in the playground: every moment of it, branches from it, its level saved elsewhere; itself untouched."""
 
+import os
+import time
+
 import numpy as np
 import pytest
 import typer
+from crashed_session import crashed, thrown_away
 from flockbrush.behaviours.brush import load_brush, shipped
 from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.engine.recording import RecordingError, open_recording
@@ -19,10 +23,12 @@ from window import Window
 
 from flockbrush.cli.main import app as cli
 from flockbrush.runs.run import record, start
+from flockbrush.studio import session_folders
 from flockbrush.studio.app import App
-from flockbrush.studio.recorded_session import open_recorded, recovered, unpacked
+from flockbrush.studio.recorded_session import open_recorded, recovered, unpack
+from flockbrush.studio.recovery import leftovers
 from flockbrush.studio.session import Session
-from flockbrush.studio.start import StartOptions, refuse_wishes
+from flockbrush.studio.start import StartOptions, opening_of, refuse_wishes
 
 TICKS = 96
 
@@ -127,7 +133,7 @@ def worked_on(request, tmp_path):
         session.scrub(session.last_tick)
         assert session.do("paint", [stroke("swarm", 20, 13, 1)])
         session.close(keep=True)
-        session = recovered(Session.recoverable(state_folder=tmp_path / "state")[0], tmp_path / "state")
+        session = recovered(Session.recoverable(tmp_path / "worked.flock", tmp_path / "state")[0], tmp_path / "state")
         assert session.lent and session.path.exists()
     session.scrub(session.last_tick)
     yield session
@@ -247,10 +253,82 @@ def test_nothing_stays_either_where_a_signal_ends_it_with_nothing_unsaved(record
     assert [path for path in (tmp_path / "state").rglob("*") if path.is_file()] == []
 
 
+def frames(session, count):
+    for _ in range(count):
+        session.advance(0.4, 10)
+
+
+def test_after_a_crash_who_opens_the_recording_is_offered_the_session_with_its_edits(recording):
+    session = open_recorded(recording)
+    assert session.do("paint", [stroke("swarm", 6, 8, 3)])
+    crashed(session)
+    session.edits.close()
+    opening = opening_of(StartOptions(str(recording)), (1000, 640))
+    window = opening.then(opening.work(), (1000, 640))
+    assert window.dialog is not None and "walk.flock, " in window.dialog.question
+    window.dialog.answer(next(iter(window.dialog.answers)))
+    session = window.session
+    assert (
+        session.branch_name == "main-2" and session.lent and session.path.is_relative_to(session_folders.state_folder())
+    )
+    session.switch("main")
+    session.edits.select([1, 2])
+    session.scrub(0)
+    session.edit("delete")
+    assert len(session.view()) == 7 and session.undo()
+    session.scrub(TICKS - 4)
+    session.play()
+    frames(session, 3)
+    assert session.tick == TICKS and not session.playing
+    window.close()
+
+
+def test_a_session_whose_recording_is_gone_is_recovered_without_edits(recording, tmp_path):
+    copy = tmp_path / "copy.flock"
+    copy.write_bytes(recording.read_bytes())
+    session = open_recorded(copy, tmp_path / "state")
+    assert session.do("paint", [stroke("swarm", 6, 8, 3)]) and session.save(tmp_path / "saved.tmj")
+    assert session.undo() and session.close(keep=True)
+    copy.unlink()
+    (left,) = Session.recoverable(tmp_path / "saved.tmj", tmp_path / "state")
+    assert Session.recoverable(copy, tmp_path / "state") == [left]
+    session = recovered(left, tmp_path / "state")
+    assert session.edits is None and any("copy.flock: there is no such file" in n.text for n in session.notices())
+    assert session.path == tmp_path / "saved.tmj" and not session.lent and session.redo()
+    session.close()
+
+
+def test_the_trash_of_recordings_is_counted_and_removed(recording, tmp_path, monkeypatch):
+    state = tmp_path / "state"
+    for _ in range(2):
+        session = open_recorded(recording, state)
+        assert session.do("paint", [stroke("swarm", 6, 8, 3)])
+        session.close()
+    old, new = thrown_away(state)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    (old / "recorded" / "linked").symlink_to(tmp_path / "mine", target_is_directory=True)
+    os.utime(old, (1e9, time.time() - 60))
+    each = sum(path.stat().st_size for path in new.rglob("*") if path.is_file())
+    monkeypatch.setattr(session_folders, "LARGEST_TRASH", 1.5 * each)
+    leftovers(root=state)
+    assert thrown_away(state) == [new]
+    os.utime(new, (1e9, 1e9))
+    leftovers(root=state)
+    assert thrown_away(state) == [] and (tmp_path / "mine" / "notes.txt").read_text() == "mine"
+
+
+def test_a_recording_that_cannot_be_opened_leaves_no_folder(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr("flockbrush.studio.recorded_session.Branch.begun", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        open_recorded(recording, tmp_path / "state")
+    assert list((tmp_path / "state").iterdir()) == []
+
+
 def test_names_that_lead_out_of_the_folder_are_refused(tmp_path):
     for name in ("../evil", "/etc/evil", "a/../../b", "c:evil", "a\\b"):
         with pytest.raises(RecordingError, match=r"r\.flock: contains a file .* outside its folder"):
-            unpacked({name: b"x"}, tmp_path / "in", "r.flock")
+            unpack({name: b"x"}, tmp_path / "in", "r.flock")
     assert not (tmp_path / "evil").exists()
 
 
@@ -276,20 +354,16 @@ def test_a_recording_of_a_shipped_level_is_edited_and_saved_elsewhere(tmp_path):
 
 
 def test_playing_pauses_at_the_end_of_the_recording_and_goes_on_when_asked(session):
-    def frames(count):
-        for _ in range(count):
-            session.advance(0.4, 10)
-
     session.scrub(TICKS - 20)
     session.play()
-    frames(6)
+    frames(session, 6)
     assert session.tick == TICKS and not session.playing
     assert any("end of the recording" in notice.text for notice in session.notices())
     session.play()
-    frames(6)
+    frames(session, 6)
     assert session.tick > TICKS and session.playing
     session.scrub(20)
     session.play()
     session.do("paint", [stroke("swarm", 6, 8, 3)])
-    frames(12)
+    frames(session, 12)
     assert session.branch_name != "main" and session.tick > TICKS  # a branch has no recorded end
