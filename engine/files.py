@@ -240,6 +240,15 @@ def kept_beside(path) -> Path | None:
     return beside
 
 
+def free_path(path) -> Path:
+    """The path, or the next one with a number in its name, at which there is no file."""
+    path = Path(path)
+    candidate, n = path, 2
+    while candidate.exists():
+        candidate, n = path.with_name(f"{path.stem}-{n}{path.suffix}"), n + 1
+    return candidate
+
+
 def work_folder(path, token="") -> Path:
     """The hidden folder in which a file is written; without a token the one of its only writer."""
     path = Path(path)

@@ -12,7 +12,7 @@ import pygame
 from flockbrush.behaviours.brush import SUFFIX as BRUSH_SUFFIX
 from flockbrush.behaviours.program import SUFFIX
 from flockbrush.engine.commands import from_record
-from flockbrush.engine.files import write_bytes
+from flockbrush.engine.files import free_path, write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.render.style import THEMES, theme_of
 from flockbrush.studio.branches import plain_name
@@ -181,7 +181,7 @@ class AppActions:
 
     def reload(self):
         """Read the level file again; ask first if there are unsaved changes."""
-        if not self.session.dirty:
+        if not self.session.dirty or self.session.lent:  # which the session refuses to lose
             return self._reload()
         answers = [("Reload", self._reload), ("Cancel", None)]
         question = f"Your unsaved changes will be kept in {Path(self.session.path).name}.mine.bak."
@@ -209,7 +209,7 @@ class AppActions:
             return
         answers = [("Reload", self._reload), ("Keep mine", lambda: self._reload("mine"))]
         advice = "  Both versions are kept: yours in a .mine.bak file, the other in a .theirs.bak file."
-        advice = advice if self.session.dirty else ""
+        advice = advice if self.session.dirty and not self.session.lent else ""
         self.ask("The level file has changed", f"Another program has changed this level file.{advice}", answers)
 
     def offer_recovery(self, left):
@@ -486,11 +486,3 @@ class AppActions:
 def stamp():
     """Date and time for file names."""
     return datetime.datetime.now().strftime("%Y%m%d-%H%M%S")
-
-
-def free_path(path: Path) -> Path:
-    """The path, with a number if the file exists."""
-    candidate, n = path, 2
-    while candidate.exists():
-        candidate, n = path.with_name(f"{path.stem}-{n}{path.suffix}"), n + 1
-    return candidate

@@ -14,7 +14,7 @@ from pathlib import Path
 from flockbrush.behaviours.brush import SUFFIX, Brush, save_brush
 from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.behaviours.program import Program, save_program
-from flockbrush.engine.files import refused, write_bytes
+from flockbrush.engine.files import free_path, refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.editor import Editor
@@ -72,9 +72,9 @@ class LevelFile:
         self._seen = stamp
         return ""
 
-    def beside(self, ending):
-        """A path for another version of it."""
-        return self.path.with_name(f"{self.path.name}.{ending}")
+    def keep(self, version, data):
+        """Keep another version of it beside it, in place of no other file; the path."""
+        return write_bytes(free_path(self.path.with_name(f"{self.path.name}.{version}.bak")), data, overwrite=False)
 
     def _bytes(self):
         try:
@@ -186,7 +186,8 @@ class SessionFiles:
         ----------
         keep : {"theirs", "mine"}
             "theirs": begin anew with the file as it is; what was not saved here is kept as NAME.tmj.mine.bak, and the
-            run as a branch.  "mine": go on; the file as it is now is kept as NAME.tmj.theirs.bak.
+            run as a branch.  "mine": go on; the file as it is now is kept as NAME.tmj.theirs.bak.  Nothing is written
+            beside a file that is not the designer's.
         """
         try:
             self._keep_mine() if keep == "mine" else self._take_theirs()
@@ -196,18 +197,19 @@ class SessionFiles:
         return True
 
     def _keep_mine(self):
-        data = self._file._bytes()
+        data = None if self.lent else self._file._bytes()  # which is not replaced
         if data is not None:
-            write_bytes(self._file.beside("theirs.bak"), data)
-            self._say("info", f"the other version is kept as {self._file.beside('theirs.bak').name}")
+            self._say("info", f"the other version is kept as {self._file.keep('theirs', data)}")
         self._file = LevelFile(self.path)
         self.timeline.current.outdated = True
 
     def _take_theirs(self):
+        if self.dirty and self.lent:
+            raise self._lent("first save your changes elsewhere, then reload")
         level, library = running.open_level(self.path)
         if self.dirty:
-            write_bytes(self._file.beside("mine.bak"), self.editor.text().encode())
-            self._say("info", f"your unsaved changes are kept as {self._file.beside('mine.bak').name}")
+            path = self._file.keep("mine", self.editor.text().encode())
+            self._say("info", f"your unsaved changes are kept as {path}")
         now, before, self.library = self.timeline.current.beginning, self.library, library
         try:
             self._begin(Beginning(level, library, now.seed, now.agents), None)
@@ -223,16 +225,17 @@ class SessionFiles:
         """The folder for brushes of one's own, beside the level, made if it is not there; ProblemsError."""
         folder = self.path.parent / "brushes"
         if self.lent:
-            raise refused(
-                self.path,
-                "is part of Flockbrush or of a recording; first save the level elsewhere, then save brushes beside it",
-            )
+            raise self._lent("first save the level elsewhere, then save brushes beside it")
         try:
             folder.mkdir(exist_ok=True)
         except OSError as error:
             raise refused(folder, f"cannot be created: {error.strerror}") from None
         self.library = brush_library(self.path, self.level.files)
         return folder
+
+    def _lent(self, advice):
+        """The error that nothing is written beside a file that is not the designer's."""
+        return refused(self.path, f"is part of Flockbrush or of a recording; {advice}")
 
     def brushes_known(self):
         """The library of the level, and the brushes that were made in the run and are in no file."""

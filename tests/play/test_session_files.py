@@ -387,10 +387,41 @@ def test_taking_the_other_version_keeps_mine(session, level):
     assert session.reload()
     assert session.level.seed == 77 and session.tick == 0 and not session.dirty and session.changed_on_disk() == ""
     assert level.with_name("pasture.tmj.mine.bak").read_text() == mine
-    assert "kept as pasture.tmj.mine.bak" in texts(session)[0]
+    assert f"kept as {level}.mine.bak" in texts(session)[0]
     assert session.undo_label is None
     session.switch("pasture")
     assert session.editor.text() == mine and session.tick == 3
+
+
+def test_each_reload_keeps_its_own_version_of_mine(session, level):
+    versions = []
+    for number in (77, 78):
+        session.do("rock", [rock(session.editor.new_id())])
+        session.do("paint", [stroke("march", number - 70, 8, 2)])
+        versions.append(session.editor.text())
+        assert session.reload()
+    kept = [level.with_name(f"pasture.tmj.{name}.bak") for name in ("mine", "mine-2")]
+    assert [path.read_text() for path in kept] == versions and str(kept[1]) in texts(session)[1]
+
+
+@pytest.mark.parametrize("of", ["shipped", "recording"])
+def test_a_level_that_is_not_the_designers_is_not_reloaded_over_changes(tmp_path, monkeypatch, of):
+    if of == "shipped":
+        monkeypatch.setattr("flockbrush.runs.run.SHIPPED", tmp_path / "shipped")
+    session = Session.open(pasture(tmp_path / "shipped"), state_folder=tmp_path / "state")
+    if of == "recording":
+        assert session.export_recording(tmp_path / "walk.flock")
+        session.close()
+        session = open_recorded(tmp_path / "walk.flock", tmp_path / "state")
+    assert session.lent and session.reload() and session.do("rock", [rock(session.editor.new_id())])
+    text, branches = session.editor.text(), list(session.branches)
+    texts(session)
+    assert session.reload("mine") and not session.reload()
+    (told,) = texts(session)
+    assert "save your changes elsewhere" in told and "is not changed" in told
+    assert (session.editor.text(), list(session.branches)) == (text, branches)
+    assert not list(tmp_path.rglob("*.bak"))
+    session.close()
 
 
 def test_keeping_mine_keeps_the_other_version(session, level):
