@@ -26,6 +26,7 @@ from flockbrush.engine.problems import Problem, ProblemsError
 LOCK = "lock"
 LONGEST_NAME = 200  # bytes of a file name that a work folder repeats; systems allow 255
 TAKEN = "already exists; choose another name or allow overwriting"
+FOREIGN = "would be replaced, but was not written by Flockbrush; move or rename it, or choose another folder"
 WAIT = "wait until it has ended, or choose another file"
 _OF_DISKS = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 _WORK = re.compile(r"\..+\.flockbrush", re.DOTALL)
@@ -87,6 +88,26 @@ def _obstacle(path):
         return f"the folder {str(folder)!r} is not writable"
     busy = holder(path)
     return f"{busy}; {WAIT}" if busy else None
+
+
+def refuse_foreign(paths, is_ours):
+    """Refuse to write generated files over those of somebody else, before the first is written.
+
+    Parameters
+    ----------
+    paths : iterable of path
+        What will be written, under names that nobody chose for it.
+    is_ours : function (path) -> bool
+        Whether a file that is there is recognisably one that was generated before.
+
+    Raises
+    ------
+    ProblemsError
+        With every file that is not.
+    """
+    foreign = [path for path in map(Path, paths) if os.path.lexists(path) and not is_ours(path)]
+    if foreign:
+        raise ProblemsError([Problem(str(path), None, None, FOREIGN) for path in foreign])
 
 
 class Work:

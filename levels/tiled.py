@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 from flockbrush.behaviours.program import ProgramLibrary, shipped_programs
-from flockbrush.engine.files import write_bytes
+from flockbrush.engine.files import kept_beside, refuse_foreign, refused, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.levels.ground_rules import class_of
 from flockbrush.levels.level_class import ENUMS, ObjectClass, Property
 from flockbrush.levels.schema import CLASSES, PROJECT_FILE
 from flockbrush.levels.sketch import LevelSketch
@@ -21,6 +22,7 @@ from flockbrush.levels.tile_pictures import (
     BRUSHES_FILE,
     as_sheet,
     brush_picture,
+    is_painted_over,
     known_brushes,
     png,
     speed_picture,
@@ -29,6 +31,13 @@ from flockbrush.levels.tile_pictures import (
 from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS, TILE
 
 SESSION_FILE = PROJECT_FILE.replace("project", "session")
+OBJECT_TYPES_FILE = "objecttypes.json"
+TILESETS = {"terrain": "Terrain", "speed": "SpeedCap", "brushes": "Brush"}  # the class of their tiles
+_GENERATED = (
+    PROJECT_FILE, SESSION_FILE, OBJECT_TYPES_FILE,
+    *(f"tilesets/{name}.{kind}" for name in TILESETS for kind in ("tsj", "png")),
+)  # fmt: skip
+_SIZES = "columns", "image", "imageheight", "imagewidth", "tilecount"
 _USE = {"map": ["map"], "tile": ["tile"], "layer": ["layer"], "object": ["object"]}
 _TYPES = {"number": "float", "int": "int", "bool": "bool", "colour": "color"}
 
@@ -46,13 +55,13 @@ def init(folder, library) -> list[Path]:
     Returns
     -------
     list of Path
-        The files written.  A level that is there already is left alone; the rest is generated anew, so that running
-        it again after adding a brush brings the project up to date.
+        The files written.  Levels that are there already are left alone; the rest is brought up to date (see
+        `write_project`), as after adding a brush.
 
     Raises
     ------
     ProblemsError
-        When the folder cannot be written.
+        When the folder cannot be written, or has files of the same names that are not from here.
     """
     folder = Path(folder)
     try:
@@ -97,40 +106,48 @@ def _notes(sketch):
 
 
 def write_project(folder, library) -> list[Path]:
-    """Write project, session, object types and tilesets; the same bytes every time."""
-    folder = Path(folder)
-    (folder / "tilesets").mkdir(parents=True, exist_ok=True)
-    written = []
-    own = ProgramLibrary([folder / "programs", *shipped_programs().folders])
-    for name, content in project_files(library, known_brushes(folder / BRUSHES_FILE), own.names()).items():
-        written.append(write_bytes(folder / name, content))
-    return written
+    """Write project, session, object types and tilesets, or bring up to date those that are there.
+
+    What a designer has set in them stays: other types and commands, tiles that are there, with their values.  Pictures
+    are drawn anew, and one that somebody has painted over is kept as ``NAME.png.bak``.
+    """
+    return _renew(Path(folder), library, _GENERATED)
 
 
 def renew_brushes(folder, library) -> bool:
     """Bring new brushes into the Tiled project of a folder: their tiles, and their names in its lists.
 
-    Whatever else a designer has set in the project stays.  Returns whether there is a project.
+    As `write_project`, of the files with brushes alone.  Returns whether there is a project.
     """
     folder = Path(folder)
-    file = folder / PROJECT_FILE
-    if not file.exists():
+    if not (folder / PROJECT_FILE).exists():
         return False
-    try:
-        project = json.loads(file.read_bytes())
-        types = [t for t in project["propertyTypes"] if t["name"] == "BrushAsset"]
-        for known in types:
-            known["values"] = ["", *library.names()]
-    except (ValueError, LookupError, TypeError):
-        raise ProblemsError(
-            [Problem(str(file), None, None, "is damaged: flockbrush level init creates it again")]
-        ) from None
-    files = project_files(library, known_brushes(folder / BRUSHES_FILE))
-    tiles = {name: data for name, data in files.items() if Path(name).stem == Path(BRUSHES_FILE).stem}
-    for name, data in {PROJECT_FILE: _json(project), **tiles}.items():
-        (folder / name).parent.mkdir(exist_ok=True)
-        write_bytes(folder / name, data)
+    _renew(folder, library, (PROJECT_FILE, BRUSHES_FILE, str(Path(BRUSHES_FILE).with_suffix(".png"))))
     return True
+
+
+def _renew(folder, library, names):
+    """Write the generated files of these names; ProblemsError, and nothing is written, where one is not ours."""
+    refuse_foreign([folder / name for name in names], is_generated)
+    own = ProgramLibrary([folder / "programs", *shipped_programs().folders])
+    files = project_files(library, known_brushes(folder / BRUSHES_FILE), own.names())
+    contents = {folder / name: _with_own(folder / name, files[name]) for name in names}
+    (folder / "tilesets").mkdir(parents=True, exist_ok=True)
+    for path, content in contents.items():
+        if path.suffix == ".png" and path.exists() and is_painted_over(path.read_bytes(), content):
+            kept_beside(path)
+        write_bytes(path, content)
+    return list(contents)
+
+
+def _with_own(path, content):
+    """The bytes of a generated file, with what a designer has set in the one that is there; ProblemsError."""
+    if path.suffix == ".png" or not path.exists():
+        return content
+    try:
+        return _json(renewed(json.loads(path.read_bytes()), json.loads(content)))
+    except (LookupError, TypeError):
+        raise refused(path, "is damaged; delete it, and flockbrush level init creates it again") from None
 
 
 def tile_order(library, known=()) -> list[str]:
@@ -146,14 +163,15 @@ def project_files(library, known=(), programs=None) -> dict[str, bytes]:
     files = {
         PROJECT_FILE: _json(project(library.names(), programs)),
         SESSION_FILE: _json(session()),
-        "objecttypes.json": _json(object_types()),
+        OBJECT_TYPES_FILE: _json(object_types()),
     }
     for name, tiles, pictures in (
-        ("terrain", [("Terrain", t) for t in TERRAINS], [terrain_picture(t) for t in TERRAINS]),
-        ("speed", [("SpeedCap", t) for t in SPEEDS], [speed_picture(t) for t in SPEEDS]),
-        ("brushes", [("Brush", {"asset": n}) for n, _ in brushes], [brush_picture(n, c) for n, c in brushes]),
+        ("terrain", TERRAINS, [terrain_picture(t) for t in TERRAINS]),
+        ("speed", SPEEDS, [speed_picture(t) for t in SPEEDS]),
+        ("brushes", [{"asset": n} for n, _ in brushes], [brush_picture(n, c) for n, c in brushes]),
     ):
         sheet = as_sheet(pictures)
+        tiles = [(TILESETS[name], values) for values in tiles]
         files[f"tilesets/{name}.tsj"] = _json(tileset(name, tiles, sheet.shape))
         files[f"tilesets/{name}.png"] = png(sheet)
     return files
@@ -193,7 +211,7 @@ def project(brushes, programs=()) -> dict:
         "compatibilityVersion": 1100,
         "extensionsPath": "extensions",
         "folders": ["."],
-        "objectTypesFile": "objecttypes.json",
+        "objectTypesFile": OBJECT_TYPES_FILE,
         "propertyTypes": types,
     }
 
@@ -285,7 +303,57 @@ def class_tile(number, cls, values):
     return {"id": number, "properties": properties, "type": cls}
 
 
+# ---------------------------------------------------------------- what is there already
+
+
+def is_generated(path) -> bool:
+    """Whether a file is recognisably one of `project_files`, whatever a designer has changed in it since.
+
+    A picture is one beside such a tileset, or without a tileset in such a project.
+    """
+    if path.suffix == ".png":
+        beside = path.with_suffix(".tsj")
+        return is_generated(beside if beside.exists() else path.parent.parent / PROJECT_FILE)
+    try:
+        content = json.loads(path.read_bytes())
+        if path.name == PROJECT_FILE:
+            return any(known["name"] == "BrushAsset" for known in content["propertyTypes"])
+        if path.name == SESSION_FILE:
+            return content["project"] == PROJECT_FILE
+        if path.name == OBJECT_TYPES_FILE:
+            return set(TILESETS.values()) <= {known["name"] for known in content}
+        own = {p.name for p in CLASSES[TILESETS[path.stem]].properties}
+        tiles = [tile for tile in content["tiles"] if class_of(tile) == TILESETS[path.stem]]
+        return content["image"] == f"{path.stem}.png" and any(
+            named["name"] in own for tile in tiles for named in tile.get("properties", ())
+        )
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return False
+
+
+def renewed(there, new):
+    """A generated document, with what a designer has set in the one that is there."""
+    if isinstance(new, list):  # object types
+        return _by(there, new, "name")
+    if "propertyTypes" in new:
+        types = _by(there["propertyTypes"], new["propertyTypes"], "name")
+        types = [{**known, "id": number} for number, known in enumerate(types, 1)]
+        commands = _by(new["commands"], there.get("commands", []), "name")
+        return {**new, **there, "commands": commands, "propertyTypes": types}
+    if "tiles" in new:
+        tiles = sorted(_by(new["tiles"], there["tiles"], "id"), key=lambda tile: tile["id"])
+        return {**new, **there, **{size: new[size] for size in _SIZES}, "tiles": tiles}
+    return {**new, **there}
+
+
+def _by(before, after, key):
+    """The entries of `after`, then those of `before` that have another name or number."""
+    return [*after, *(entry for entry in before if entry[key] not in {one[key] for one in after})]
+
+
 if __name__ == "__main__":  # the project that comes with Flockbrush
     from flockbrush.behaviours.brush import shipped
 
-    write_project(Path(__file__).parent, shipped())
+    home = Path(__file__).parent
+    for name, content in project_files(shipped(), known_brushes(home / BRUSHES_FILE)).items():
+        write_bytes(home / name, content)

@@ -57,6 +57,7 @@ class Experiment:
     batch: ClassVar[int] = 1  # runs handed to a worker at once
     units: Mapping[str, str] = {}  # of measures, for plots and tables
     settings: ClassVar[type[Parameters] | None] = None  # what a sweep may set, with units
+    drawn: ClassVar[tuple[str, ...]] = ()  # names of the files of `pictures`
 
     def unit_of(self, parameter: str) -> str:
         """Unit of a parameter, "" where there is none."""
@@ -258,6 +259,7 @@ class VRules(Experiment):
     name = "v_rules"
     batch = 50
     settings = FlockParameters
+    drawn = "formations.png", "forming.png", "distance_over_time.png"
     units = {
         "time": "steps",
         "distance": "wingspans",

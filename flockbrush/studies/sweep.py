@@ -29,7 +29,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flockbrush.engine import limits
-from flockbrush.engine.files import held, refused
+from flockbrush.engine.files import held, refuse_foreign, refused
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.runs.builds import build_of_sweep, build_of_worker, differences
 from flockbrush.runs.cluster import ClusterGone, MixedCode, OtherCode, let_go, work_as
@@ -39,6 +39,7 @@ from flockbrush.studies.experiments import perform
 from flockbrush.studies.sweep_file import Scenario, Sweep, read_sweep
 
 JOURNAL = "runs.jsonl"
+RESULTS = "runs.csv", "summary.json", "runs.parquet", "means.png"  # what `sweep_report` writes beside it
 ATTEMPTS = 3  # how often a worker may die of the same run before it is listed as failed
 BEAT = 0.2  # s between looks at the keyboard
 
@@ -322,7 +323,8 @@ def sweep_to(
     Raises
     ------
     ProblemsError
-        When there are runs already and it should not go on with them, or another program writes there.
+        When there are runs already and it should not go on with them, another program writes there, or files with
+        the names of results are there that are of no sweep.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -333,6 +335,8 @@ def sweep_to(
                 journal.path,
                 f"the folder already has {len(journal.rows):,} runs; continue with --resume, or choose another --out",
             )
+        results = [folder / name for name in (*RESULTS, *sweep.experiment.drawn)]
+        refuse_foreign(results, lambda path: bool(journal.build or journal.rows))
         journal.begin(build_of_sweep())
         runs_done_before = sweep.runs - len(_different(sweep)) * len(sweep.seeds) + runs_done(sweep, journal)
         with journal.writing() as add:

@@ -194,6 +194,16 @@ def test_a_journal_is_not_begun_twice_by_mistake(tmp_path):
         sweep_to(sweep, tmp_path / "out", here, 2)
 
 
+def test_files_with_names_of_results_that_are_of_no_sweep_are_refused_before_it_begins(tmp_path):
+    sweep, foreign = read_sweep(sweep_file(tmp_path)), ("runs.csv", "summary.json", "forming.png")
+    for name in foreign:
+        (tmp_path / name).write_text("mine")
+    with pytest.raises(ProblemsError, match="was not written by Flockbrush") as refusal:
+        sweep_to(sweep, tmp_path, here, 2)
+    assert [problem.file for problem in refusal.value.problems] == [str(tmp_path / name) for name in foreign]
+    assert not (tmp_path / "runs.jsonl").exists()
+
+
 def test_a_line_cut_off_in_the_journal_is_done_again(tmp_path):
     sweep = read_sweep(sweep_file(tmp_path))
     before = sweep_to(sweep, tmp_path / "out", here, 2).rows

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,8 +11,8 @@ from flockbrush.engine.problems import ProblemsError
 from pens import pen
 from small_sweep import FLOCKS, here, rows_without_times, sweep_file
 
-from flockbrush.studies.experiments import lasting
-from flockbrush.studies.sweep import sweep_to
+from flockbrush.studies.experiments import experiments, lasting
+from flockbrush.studies.sweep import RESULTS, sweep_to
 from flockbrush.studies.sweep_file import parse_sweep, read_sweep
 
 
@@ -23,6 +24,8 @@ def test_the_command_writes_rows_summary_and_plots(cli, tmp_path):
     assert found["scenarios"][0]["parameters"] == {"birds": 3, "angle": 180}
     assert found["scenarios"][0]["means"]["leads"]["mean"] == pytest.approx(1.0, abs=0.5)
     assert [line["kept"] for line in found["expected"]] == [True, True]
+    known = {*RESULTS, *experiments()["v_rules"].drawn}  # files that the sweep may not replace if they are of others
+    assert {Path(file).name for file in found["files"]} <= known
     rows = rows_without_times(tmp_path / "out")
     assert len(rows) == 24
     assert rows[0] | {"seed": "0", "birds": "3", "angle": "180.0", "status": "ok"} == rows[0]

@@ -116,6 +116,7 @@ class TestRenewedBrushes:
         assert listed["values"] == ["", "march", "rush", "swarm"]
         assert known_brushes(tmp_path / BRUSHES_FILE) == ["march", "swarm", "rush"]
         assert cv2.imread(str(tmp_path / "tilesets" / "brushes.png"), -1)[:32, 64:96, 3].any()
+        assert not list(tmp_path.rglob("*.bak"))
 
     def test_a_folder_without_a_project_is_left_alone(self, tmp_path):
         assert not renew_brushes(tmp_path, Shelf("march"))
@@ -156,6 +157,54 @@ class TestInit:
         before = (tmp_path / "mine.tmj").read_bytes()
         assert all(path.suffix != ".tmj" for path in init(tmp_path, shipped()))
         assert (tmp_path / "mine.tmj").read_bytes() == before
+
+
+    def test_files_of_other_people_are_refused_and_nothing_is_written(self, tmp_path):
+        (tmp_path / "tilesets").mkdir()
+        foreign = {
+            "flockbrush.tiled-project": b'{"folders": ["."], "propertyTypes": []}',
+            "objecttypes.json": b'[{"name": "Chest"}]',
+            "tilesets/terrain.png": b"a picture",
+            "tilesets/terrain.tsj": b'{"image": "terrain.png", "tiles": [{"id": 0, "type": "Terrain"}]}',
+        }
+        for name, content in foreign.items():
+            (tmp_path / name).write_bytes(content)
+        with pytest.raises(ProblemsError, match="was not written by Flockbrush; move or rename") as refusal:
+            init(tmp_path, shipped())
+        assert {Path(problem.file) for problem in refusal.value.problems} == {tmp_path / name for name in foreign}
+        there = [path for path in tmp_path.rglob("*") if path.is_file()]
+        assert {path.relative_to(tmp_path).as_posix(): path.read_bytes() for path in there} == foreign
+
+    def test_running_it_again_leaves_what_a_designer_set_in_our_files(self, tmp_path):
+        init(tmp_path, shipped())
+        file, tiles = tmp_path / "flockbrush.tiled-project", tmp_path / "tilesets" / "terrain.tsj"
+        own, ground = json.loads(file.read_bytes()), json.loads(tiles.read_bytes())
+        own["commands"][0]["shortcut"] = "F7"
+        own["propertyTypes"].insert(0, {"name": "Mine", "type": "enum", "values": ["a"], "id": 1})
+        own["propertyTypes"][1]["values"] = []
+        ground["tiles"][3]["properties"].append({"name": "depth", "type": "float", "value": 0.3})
+        ground["wangsets"] = [{"name": "shores"}]
+        file.write_text(json.dumps(own))
+        tiles.write_text(json.dumps(ground))
+        picture = cv2.imread(str(tiles.with_suffix(".png")), -1)
+        picture[8, 8] = 0, 0, 0, 255
+        cv2.imwrite(str(tiles.with_suffix(".png")), picture)
+        painted = tiles.with_suffix(".png").read_bytes()
+        (tmp_path / "tilesets" / "speed.tsj").unlink()
+        init(tmp_path, shipped())
+        now = json.loads(file.read_bytes())
+        assert now["commands"] == own["commands"] and now["propertyTypes"][-1]["name"] == "Mine"
+        assert [known["id"] for known in now["propertyTypes"]] == list(range(1, len(now["propertyTypes"]) + 1))
+        assert all(known["values"] for known in now["propertyTypes"] if known["type"] == "enum")
+        assert json.loads(tiles.read_bytes()) == ground
+        assert [path.read_bytes() for path in tmp_path.rglob("*.bak")] == [painted]
+        assert (tmp_path / "tilesets" / "speed.tsj").exists()
+
+    def test_running_it_again_changes_nothing_else(self, tmp_path):
+        init(tmp_path, shipped())
+        before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+        init(tmp_path, shipped())
+        assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
 def same(a, b, where=""):
