@@ -14,6 +14,7 @@ from difflib import get_close_matches
 
 from flockbrush.engine import limits
 from flockbrush.engine.clock import Clock
+from flockbrush.engine.plugins import load_entry_points
 
 COMMANDS: dict[str, type] = {}
 GONE = {"PutGoal": "PlaceGoal replaced it; replay it with the version that made the recording"}
@@ -64,6 +65,17 @@ def command(cls):
     return cls
 
 
+@functools.cache
+def _load_commands_of_others():
+    load_entry_points("flockbrush.commands")
+
+
+def commands() -> dict[str, type]:
+    """All commands by name; modules under the entry point group ``flockbrush.commands`` add theirs."""
+    _load_commands_of_others()
+    return COMMANDS
+
+
 def _checked(method):
     @functools.wraps(method)
     def after_check(self, world):
@@ -98,10 +110,11 @@ def from_record(name, values):
     ValueError
         For an unknown name or field, a missing one, or a value of the wrong type, with what there is.
     """
-    if name not in COMMANDS:
-        instead = f"; {GONE[name]}" if name in GONE else _instead(name, COMMANDS)
+    known_commands = commands()
+    if name not in known_commands:
+        instead = f"; {GONE[name]}" if name in GONE else _instead(name, known_commands)
         raise ValueError(f"unknown command {_short(name)!r}{instead}")
-    cls = COMMANDS[name]
+    cls = known_commands[name]
     known = {f.name: f for f in fields(cls)}
     for field in values:
         if field not in known:

@@ -8,6 +8,8 @@ from importlib.metadata import entry_points
 from types import ModuleType
 from typing import Any
 
+from flockbrush.engine.problems import Problem, ProblemsError
+
 
 def load_modules(package: ModuleType) -> None:
     """Import every module of a package, in order of name."""
@@ -16,5 +18,21 @@ def load_modules(package: ModuleType) -> None:
 
 
 def load_entry_points(group: str) -> list[Any]:
-    """What installed packages offer under an entry point group, in order of name."""
-    return [point.load() for point in sorted(entry_points(group=group), key=lambda point: point.name)]
+    """What installed packages offer under an entry point group, in order of name.
+
+    Raises
+    ------
+    ProblemsError
+        When one of them cannot be loaded, with the package and its entry point.
+    """
+    return [_loaded(point) for point in sorted(entry_points(group=group), key=lambda point: point.name)]
+
+
+def _loaded(point):
+    try:
+        return point.load()
+    except Exception as error:
+        package = f"package {point.dist.name}" if point.dist else "an installed package"
+        where = f"entry point {point.name} = {point.value} in group {point.group}"
+        message = f"cannot be loaded ({type(error).__name__}: {error}); repair or uninstall the package"
+        raise ProblemsError([Problem(package, None, where, message)]) from error

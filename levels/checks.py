@@ -10,7 +10,7 @@ import numpy as np
 from flockbrush.behaviours.brush import can_move, flies_free
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.engine import limits
-from flockbrush.engine.commands import places_of
+from flockbrush.engine.commands import commands, places_of
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.levels import geometry
 from flockbrush.levels.properties import is_number, shown
@@ -36,16 +36,13 @@ def check_level(level, objects, library, commands=None):
 
 def registered():
     """The commands there are, by name."""
-    from flockbrush.engine.commands import COMMANDS
-    from flockbrush.systems import (  # noqa: F401  (these register them)
-        commands,
-        gusts,
-        leaders,
-        mark_commands,
-        program_commands,
-    )
+    import flockbrush.systems.commands
+    import flockbrush.systems.gusts
+    import flockbrush.systems.leaders
+    import flockbrush.systems.mark_commands
+    import flockbrush.systems.program_commands  # noqa: F401  these register them
 
-    return COMMANDS
+    return commands()
 
 
 class _Checks:

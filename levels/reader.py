@@ -53,7 +53,7 @@ def read_level(path, library=None, commands=None) -> Level:
         Which brushes there are; the shipped ones, and those in a folder ``brushes`` beside the level or the project,
         when left out.
     commands : dict of str to dataclass, optional
-        Which commands a script may give; `flockbrush.engine.commands.COMMANDS` when left out, unchecked when that is
+        Which commands a script may give; all of `flockbrush.engine.commands` when left out, unchecked when that is
         empty.
 
     Raises

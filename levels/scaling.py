@@ -6,7 +6,7 @@ import dataclasses
 import math
 
 import numpy as np
-from flockbrush.engine.commands import COMMANDS, places_of
+from flockbrush.engine.commands import commands, places_of
 from flockbrush.engine.raster import Raster
 from flockbrush.systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
 
@@ -95,7 +95,7 @@ def _grown(level):
 def _moved_args(command, args, shift):
     """The arguments of a command whose map has grown to the south-west."""
     moved = dict(args)
-    for pair in places_of(COMMANDS[command], args) if command in COMMANDS else ():
+    for pair in places_of(commands()[command], args) if command in commands() else ():
         for name, metres in zip(pair, shift.tolist(), strict=True):
             if isinstance(args.get(name), (int, float)):
                 moved[name] = args[name] + metres

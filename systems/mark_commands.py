@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.components.level_things import ZONE
-from flockbrush.engine.commands import COMMANDS, command, from_record, places_of
+from flockbrush.engine.commands import command, commands, from_record, places_of
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import MEDIA
 from flockbrush.systems.edits import OfOutline, OfThing, away_by_id, check_id, check_on_map, put_thing
@@ -148,7 +148,7 @@ class PlaceKey(OfThing):
 
     def given(self):
         """The command's arguments, with the place where the key stands."""
-        known = COMMANDS.get(self.command)
+        known = commands().get(self.command)
         here = known is not None and ("x", "y") in places_of(known, self.args)
         return ({"x": self.x, "y": self.y} if here else {}) | self.args
 

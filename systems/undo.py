@@ -20,7 +20,7 @@ from flockbrush.components import (
     ProgramState,
     Species,
 )
-from flockbrush.engine.commands import COMMANDS, command
+from flockbrush.engine.commands import command, commands
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.systems.binding import cannot
 from flockbrush.systems.landscape import Landscape
@@ -310,7 +310,7 @@ def need_known_programs(world, columns):
 
 def _may_be_put():
     """{name: field} of what commands change, and of what programs write; brushes and goals go by their names."""
-    said = [cls.changes for cls in COMMANDS.values() if isinstance(getattr(cls, "changes", None), tuple)]
+    said = [cls.changes for cls in commands().values() if isinstance(getattr(cls, "changes", None), tuple)]
     fields = {*ProgramState.fields.values(), *(field for changes in said for field in changes)}
     return {repr(field): field for field in fields - {BrushBinding.home, Destination.goal}}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from importlib.metadata import entry_points
 
-from flockbrush.engine.commands import COMMANDS
+from flockbrush.engine.commands import commands
 from flockbrush.engine.fingerprint import Build, build_of, differing_files, differing_packages, some_of
 
 RUNNING = tuple(f"flockbrush.{room}" for room in ("engine", "components", "behaviours", "systems", "levels"))
@@ -18,7 +18,7 @@ def build_of_run() -> Build:
     """The build of a run: the sources that run levels, and those of the user's models, systems and commands."""
     from flockbrush.levels.build import systems
 
-    classes = [*map(type, systems()), *COMMANDS.values()]
+    classes = [*map(type, systems()), *commands().values()]
     modules = _installed((*LOOKS, *NUMBERS)) | _registered() | {kind.__module__ for kind in classes}
     return build_of(RUNNING, modules)
 

@@ -72,8 +72,6 @@ def find_level(name) -> Path:
 
 def open_level(name):
     """(level, library of brushes) of a path or a shipped name; ProblemsError."""
-    import flockbrush.systems.commands  # noqa: F401  the commands a script may give
-
     path = find_level(name)
     level = read_level(path)
     return level, brush_library(path, level.files)
@@ -166,8 +164,6 @@ def from_files(files, seed=None, agents=None) -> Simulation:
     ------
     ProblemsError
     """
-    import flockbrush.systems.commands  # noqa: F401  the commands its script may give
-
     library = recorded_library(files)
     level = read_level_files(files, library)
     return _built(level, level.seed if seed is None else seed, agents, library)
@@ -257,8 +253,6 @@ def rebuild(run: RecordedRun) -> Simulation:
     ProblemsError
         With everything that is wrong with the embedded files.
     """
-    import flockbrush.systems.commands  # noqa: F401  a recording's commands
-
     level, library = embedded_level(run)
     seed, agents = run.header["seed"], run.header.get("agents")
     if agents is not None and not isinstance(agents, int):

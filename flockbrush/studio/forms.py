@@ -10,7 +10,7 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingContainer, UITextEntryLine, UIWindow
 
-from flockbrush.engine.commands import COMMANDS, from_record, places_of
+from flockbrush.engine.commands import commands, from_record, places_of
 from flockbrush.levels.schema import CLASSES
 from flockbrush.studio.theme import px
 
@@ -68,13 +68,13 @@ def _default(one):
 
 def live_commands() -> dict[str, type]:
     """Commands that a form can submit, by name: their fields are numbers and texts, lists stay empty."""
-    commands = {}
-    for name, kind in sorted(COMMANDS.items()):
+    live = {}
+    for name, kind in sorted(commands().items()):
         own = fields(kind)
         plain = own and all(field.name != "id" and (field.type in PLAIN or _may_lack(field)) for field in own)
         if plain and name not in STROKES and not kind.__module__.endswith(INTERNAL) and hasattr(kind, "touches"):
-            commands[name] = kind
-    return commands
+            live[name] = kind
+    return live
 
 
 def _may_lack(field):

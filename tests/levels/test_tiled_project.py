@@ -158,7 +158,6 @@ class TestInit:
         assert all(path.suffix != ".tmj" for path in init(tmp_path, shipped()))
         assert (tmp_path / "mine.tmj").read_bytes() == before
 
-
     def test_files_of_other_people_are_refused_and_nothing_is_written(self, tmp_path):
         (tmp_path / "tilesets").mkdir()
         foreign = {

@@ -13,7 +13,6 @@ from flockbrush.engine.commands import COMMANDS, CommandError, Commands
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Goal
-from flockbrush.systems import undo as undo_module
 from flockbrush.systems.commands import (
     AddAnimals,
     AddObstacle,
@@ -108,7 +107,6 @@ def test_whatever_is_done_is_taken_back_without_a_trace(boundary, commands, tick
 
 def test_a_command_of_a_user_is_taken_back_whatever_columns_it_changes(monkeypatch):
     monkeypatch.setattr(commands_module, "COMMANDS", dict(COMMANDS))
-    monkeypatch.setattr(undo_module, "COMMANDS", commands_module.COMMANDS)
 
     @commands_module.command
     class Spook(OfAnimals):
