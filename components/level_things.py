@@ -42,6 +42,7 @@ class Property:
     above: float | None = None  # exclusive lower bound
     enum: str = ""
     required: bool = False
+    longest: int = limits.PROPERTY_TEXT  # characters of a text
 
     @property
     def values(self) -> tuple[str, ...]:

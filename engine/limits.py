@@ -76,7 +76,7 @@ TILES = Limit(65_536, "tiles", "one tileset")
 JSON_DEPTH = Limit(64, "levels", "nested objects in a level file")
 JSON_VALUES = Limit(1_000_000, "values", "a level file, apart from lists of numbers")
 JSON_DIGITS = Limit(40, "digits", "a number in a level file")
-PROPERTY_TEXT = Limit(1_000, "characters", "a string property of a level")
+PROPERTY_TEXT = Limit(1_000, "characters", "a string property of a level, or one of its ground rules")
 
 # other texts -----------------------------------------------------------------------------------
 

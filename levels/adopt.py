@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import posixpath
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -81,7 +82,11 @@ def adopt(source, output=None, metres_per_tile=1.0) -> Adoption:
     _add_properties(document, metres_per_tile, rules)
     _add_tilesets(document, output, reader)
     _add_layers(document)
-    level = _with_herd(document, output)
+    try:
+        level = _with_herd(document, output)
+    except ProblemsError as error:  # of a file that is not there yet, with lines of its own
+        of_map = [replace(one, file=str(source), line=None) for one in error.problems if one.file == str(output)]
+        raise ProblemsError([*of_map, *(one for one in error.problems if one.file != str(output))]) from None
     return Adoption(source, output, document, rules, level)
 
 

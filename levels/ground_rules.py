@@ -47,11 +47,11 @@ class GroundRules:
     ----------
     text : str
     tell : function (message)
-        Told of every line that is no rule.
+        Told of every line that is no rule, and once of every tile whose property gives a value that cannot be.
     """
 
     def __init__(self, text, tell):
-        self.rules = []
+        self.rules, self._tell, self._told = [], tell, set()
         for line in text.splitlines():
             if line.strip() and not line.strip().startswith("#"):
                 try:
@@ -74,14 +74,27 @@ class GroundRules:
             rule = matches(layer, facts)
             if rule is None or rule is False:
                 continue
-            values = {key: value for key, value in ground.items() if value != OF_PROPERTY}
-            for key in ground.keys() - values.keys():
-                try:
-                    values[key] = convert(_TERRAIN.property(key), rule)
-                except Refused:
-                    return None
+            try:
+                values = {key: self._value(key, value, rule) for key, value in ground.items()}
+            except Refused as error:
+                self._tell_once(f"ground_rules: {name}: tile {facts.number} of tileset {facts.tileset!r}: {error}")
+                continue
             return {**{p.name: p.default for p in _TERRAIN.properties}, "name": name, **values}
         return None
+
+    def _value(self, key, value, of_tile):
+        """The value of a ground, or the one that the property of a tile gives; Refused."""
+        if value != OF_PROPERTY:
+            return value
+        try:
+            return convert(_TERRAIN.property(key), of_tile)
+        except Refused as error:
+            raise Refused(f"{key} {error}") from None
+
+    def _tell_once(self, message):
+        if message not in self._told:
+            self._told.add(message)
+            self._tell(message)
 
 
 class TileFacts:
@@ -247,7 +260,18 @@ def suggested(tilesets, layers) -> list[str]:
     rules += [
         f"layer {name} = {_WORDS[_first_word(name)]}" for name in sorted(base_names) if _is_solid(_first_word(name))
     ]
-    return list(dict.fromkeys(rules))[: limits.GROUND_RULES]
+    return [rule for rule in dict.fromkeys(rules) if _fits(rule, tilesets)][: limits.GROUND_RULES]
+
+
+def _fits(rule, tilesets):
+    """Whether a rule can be read, and the property that it takes a value from fits in all tiles."""
+    told: list[str] = []
+    rules = GroundRules(rule, told.append)
+    for tileset in tilesets if rule.endswith(f"={OF_PROPERTY}") else ():
+        facts = facts_of(tileset)
+        for node in dicts(tileset, "tiles"):
+            rules.ground("", facts(node.get("id")))
+    return not told
 
 
 def _of_tiles(tileset):

@@ -6,7 +6,6 @@ import math
 import re
 
 import numpy as np
-from flockbrush.engine import limits
 from flockbrush.engine.problems import Problem, did_you_mean
 from flockbrush.levels.level_class import ObjectClass, Property
 from flockbrush.levels.schema import CLASSES, COMPASS
@@ -190,8 +189,8 @@ def _bool(p, value):
 def _text(p, value):
     if not isinstance(value, str):
         raise Refused(f"must be a string, got {shown(value)}")
-    if len(value) > limits.PROPERTY_TEXT:
-        raise Refused(f"must have at most {limits.PROPERTY_TEXT} characters, got {len(value)}")
+    if len(value) > p.longest:
+        raise Refused(f"must have at most {p.longest} characters, got {len(value)}")
     return value
 
 

@@ -24,6 +24,7 @@ from flockbrush.components.level_things import (
     Spawn,
     properties_of,
 )
+from flockbrush.engine import limits
 from flockbrush.engine.problems import Problem
 from flockbrush.engine.raster import Raster
 from flockbrush.levels.level_class import ObjectClass, Property
@@ -131,7 +132,13 @@ CLASSES: dict[str, ObjectClass] = {
                 Property("metres_per_tile", "number", 1.0, "size of a tile", "m", above=0, high=1000),
                 Property("boundary", "enum", "wall", "behaviour of the map edge", enum="Boundary"),
                 Property("seed", "int", 1, "random seed of the run", low=0, high=2**31 - 1),
-                Property("ground_rules", "text", "", "meaning of tiles in other layers, one rule per line"),
+                Property(
+                    "ground_rules",
+                    "text",
+                    "",
+                    "meaning of tiles in other layers, one rule per line",
+                    longest=limits.GROUND_RULES * limits.PROPERTY_TEXT,
+                ),
             ),
         ),
         ObjectClass(

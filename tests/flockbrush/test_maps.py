@@ -228,6 +228,12 @@ class TestRefusals:
         path.write_text(path.read_text().replace("<map ", '<map infinite="1" '))
         assert "Map > Map Properties > Infinite off" in self.refused(cli, path)
 
+    def test_what_is_wrong_with_a_map_names_the_map(self, tmp_path, cli):
+        path, _ = adopted("sewers", tmp_path)
+        wrong = '<properties><property name="boundary" value="nope"/></properties><tileset '
+        path.write_text(path.read_text().replace("<tileset ", wrong, 1))
+        assert "sewers.tmx: map: boundary must be one of wall" in self.refused(cli, path)
+
     def test_what_is_there_is_never_written_over(self, tmp_path, cli):
         path, new = adopted("sewers", tmp_path)
         other = new.with_name("other.tmj")

@@ -198,6 +198,26 @@ class TestRules:
         found = problems(self.told(rule, []))
         assert len(found) == 1 and message in found[0] and "ground_rules: " in found[0]
 
+    def test_a_value_of_a_tile_that_does_not_fit_is_told_once_and_later_rules_count(self):
+        told = []
+        rules = GroundRules("property speed = speed_factor=property\nclass Road = road", told.append)
+        facts = TileFacts("art", 3, {"type": "Road", "properties": properties(speed=50.0)}, set())
+        assert [rules.ground("x", facts)["name"] for _ in range(2)] == ["road"] * 2
+        assert told == [
+            "ground_rules: property speed: tile 3 of tileset 'art': speed_factor must be at most 10, got 50"
+        ]
+
+    def test_rules_that_the_tiles_do_not_fit_are_not_suggested(self):
+        sheet = {
+            **tileset(),
+            "tiles": [{"id": k, "properties": properties(speed=v)} for k, v in enumerate((1.0, 50.0))],
+        }
+        assert suggested([sheet], []) == []
+
+    def test_there_may_be_as_many_rules_as_the_documentation_says(self):
+        assert self.ground("\n".join(f"layer {'x' * 900} {k} = cliff" for k in range(100)), []) is None
+        assert "more than 100 rules" in problems(self.told("\n".join(["layer x = cliff"] * 101), []))[0]
+
     def test_names_in_a_map_suggest_rules(self):
         wang = [{"colors": [{"name": "Sand"}, {"name": "Plasma"}]}]
         walls, solid = {"properties": properties(walkable=False)}, {"objectgroup": {"objects": [{}]}}
