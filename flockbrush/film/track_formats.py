@@ -39,6 +39,7 @@ NAMES = {  # what columns are called, the first that is there is taken
     "y": ("y", "y_m", "y_px", "y_bl", "pos_y", "position_y", "utm-northing"),
     "frame": ("frame", "frame_number", "frame_idx"),
     "time": ("time", "time_s", "seconds", "t", "timestamp"),
+    "visible": ("visible",),  # of Movebank: false for outliers
 }  # fmt: skip
 ROUNDED = 0.1  # frames by which times may be off a frame without being interpolated
 
@@ -92,7 +93,7 @@ def _need(path, where, header):
 def _parsed(path, rows, where, heading):
     """({name: numbers}, names, which of them each row is of, its line) of the rows; ProblemsError."""
     problems: list[Problem] = []
-    numbers = {name: array("d") for name in ("x", "y", "frame", "time", "heading")}
+    numbers = {name: array("d") for name in ("x", "y", "frame", "time", "heading", "visible")}
     names: dict[str, int] = {}
     animal, lines = array("q"), array("q")
     for line, row in rows:
@@ -101,6 +102,8 @@ def _parsed(path, rows, where, heading):
                 numbers[name].append(number_of(path, line, name, row, at, problems))
         if where["time"] is not None:
             numbers["time"].append(moment_of(path, line, row, where["time"], problems))
+        if where["visible"] is not None:
+            numbers["visible"].append("".join(row[where["visible"] :][:1]).strip().lower() != "false")
         animal.append(names.setdefault(row[where["id"]].strip() if where["id"] < len(row) else "", len(names)))
         lines.append(line)
         check_size(path, 1, len(names))
@@ -123,7 +126,11 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
     if nameless.any():
         first = f"the first is {line_word(path)} {lines[np.argmax(nameless)]}"
         notes.append(f"{nameless.sum()} rows without an id were left out; {first}")
-    valid = np.isfinite(x) & np.isfinite(y) & ~nameless
+    hidden = columns["visible"] == 0 if "visible" in columns else np.zeros(len(x), bool)
+    if hidden.any():
+        first = f"the first is {line_word(path)} {lines[np.argmax(hidden)]}"
+        notes.append(f"{hidden.sum()} rows with visible = false were left out; {first}")
+    valid = np.isfinite(x) & np.isfinite(y) & ~nameless & ~hidden
     if where["frame"] is None:
         valid &= np.isfinite(columns["time"])
     if not valid.any():
@@ -228,7 +235,9 @@ def _parquet(path):
         _check_parquet(path, file.metadata, set(column_names.values()))
     with parquet.ParquetFile(path, read_dictionary=[column_names["id"]]) as file:  # long names are unpacked once
         data = file.read(columns=list(dict.fromkeys(column_names.values())))
-    columns = {kind: _column(data[name]) for kind, name in column_names.items() if kind != "id"}
+    columns = {kind: _column(data[name]) for kind, name in column_names.items() if kind not in ("id", "visible")}
+    if where["visible"] is not None:
+        columns["visible"] = _seen(data[column_names["visible"]])
     coded = _coded(path, data[column_names["id"]])
     table = _long_table(path, header, where, columns, *coded, np.arange(1, len(data) + 1))
     about = {k.decode(): v.decode() for k, v in (schema.metadata or {}).items() if k in (b"boundary", b"unit")}
@@ -271,6 +280,15 @@ def _column(values):
     if pyarrow.types.is_timestamp(values.type):
         return values.cast(pyarrow.timestamp("us")).cast(pyarrow.int64()).to_numpy().astype(float) / 1e6
     return np.asarray(values.to_numpy(zero_copy_only=False), float)
+
+
+def _seen(values):
+    """Whether each of a column of truth values, or of words, is not false."""
+    import pyarrow
+    from pyarrow import compute
+
+    words = compute.utf8_lower(values.cast(pyarrow.string()))
+    return compute.not_equal(words, "false").fill_null(True).to_numpy(zero_copy_only=False)
 
 
 # tables of single programs ----------------------------------------------------------------------
@@ -346,13 +364,12 @@ def _trex_columns(header):
 
 def _trex_table(path, header, rows) -> TrackTable:
     """One animal as TRex writes it in a CSV."""
-    x, y, unit = _trex_columns(header)
-    column_names = [name for name in (x, y, "frame", "time") if name in header]
-    columns = dict(
-        zip(column_names, number_grid(path, rows, [header.index(name) for name in column_names]).T, strict=True)
-    )
-    frames = whole_frames(path, columns.get("frame", np.arange(len(columns[x]))))
-    return _of_one(path, frames, np.column_stack([columns[x], columns[y]]), rate_of(frames, columns.get("time")), unit)
+    return _of_one(path, *_of_csv(path, header, rows))
+
+
+def trex_file(path) -> TrackTable:
+    """Track of one animal from an npz of TRex. ProblemsError."""
+    return _of_one(path, *_of_npz(path))
 
 
 def _of_one(path, frames, xy, fps, unit):
@@ -363,8 +380,19 @@ def _of_one(path, frames, xy, fps, unit):
     return TrackTable(places, ids, numbers, fps, unit, True)
 
 
-def trex_file(path) -> TrackTable:
-    """Track of one animal from an npz of TRex. ProblemsError."""
+def _of_csv(path, header, rows):
+    """(frames, positions, frame rate, unit) of the rows of a CSV of TRex."""
+    x, y, unit = _trex_columns(header)
+    column_names = [name for name in (x, y, "frame", "time") if name in header]
+    columns = dict(
+        zip(column_names, number_grid(path, rows, [header.index(name) for name in column_names]).T, strict=True)
+    )
+    frames = whole_frames(path, columns.get("frame", np.arange(len(columns[x]))))
+    return frames, np.column_stack([columns[x], columns[y]]), rate_of(frames, columns.get("time")), unit
+
+
+def _of_npz(path):
+    """As `_of_csv`, of an npz."""
     try:
         arrays = _trex_arrays(path)
     except (zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
@@ -383,7 +411,7 @@ def trex_file(path) -> TrackTable:
         xy[arrays["missing"].astype(bool)] = np.nan
     rate = arrays.get("frame_rate")
     fps = float(rate[0]) if rate is not None and len(rate) else rate_of(frames, arrays.get("time"))
-    return _of_one(path, frames, xy, fps, unit)
+    return frames, xy, fps, unit
 
 
 def _trex_arrays(path):
@@ -411,15 +439,19 @@ def trex_files(path) -> list[Path]:
     return sorted(p for p in Path(path).iterdir() if p.suffix.lower() in (".npz", ".csv") and p.is_file())
 
 
-def _of_places(file) -> bool:
-    """Whether a file in a folder of TRex may have places: it writes others there, such as of postures."""
+def _places_in(file):
+    """As `_of_csv`, of a file in a folder of TRex; None of others that it writes there, such as of postures."""
     if file.suffix.lower() == ".csv":
-        return True
+        rows = read_table(file, limits.TRACKS_BYTES, limits.TRACK_ROWS)
+        header = [cell.strip() for cell in next(rows, (1, []))[1]]
+        return _of_csv(file, header, rows) if _trex_columns(header) else None
     try:
         with zipfile.ZipFile(file) as packed:
-            return _trex_columns([name.removesuffix(".npy") for name in packed.namelist()]) is not None
+            if _trex_columns([name.removesuffix(".npy") for name in packed.namelist()]) is None:
+                return None
     except (zipfile.BadZipFile, OSError):
-        return True  # reading it says what is wrong
+        pass  # reading it says what is wrong
+    return _of_npz(file)
 
 
 def trex_folder(path) -> TrackTable:
@@ -427,20 +459,25 @@ def trex_folder(path) -> TrackTable:
     files = trex_files(path)
     if len(files) > 10_000:
         raise refused(path, f"has {len(files)} files; one file per animal is expected")
-    others = [file for file in files if not _of_places(file)]
-    if len(others) == len(files):
-        raise refused(path, "no file in it has X#wcentroid and Y#wcentroid, as files of TRex have")
-    tables = []
-    for file in (file for file in files if file not in others):
-        tables.append((trex_file if file.suffix.lower() == ".npz" else csv_table)(file))
-        if sum(table.xy.size for table in tables) > limits.TRACK_NUMBERS:
+    found, others, size = [], [], 0
+    for file in files:
+        places = _places_in(file)
+        good = None if places is None else np.isfinite(places[1]).all(1)
+        if good is None or not good.any():  # of something else, or of an animal that was never seen
+            others.append(file.name)
+            continue
+        frames, xy, fps, unit = places
+        found.append((file.stem, frames[good], xy[good], fps, unit))
+        size += xy.size
+        if size > limits.TRACK_NUMBERS:
             raise refused(path, f"its files have more than {limits.TRACK_NUMBERS.text}")
-    names = sorted({name for t in tables for name in t.ids})
+    if not found:
+        raise refused(path, "no file in it has positions in X#wcentroid and Y#wcentroid, as files of TRex have")
+    stems, frames, xy, rates, units = zip(*found, strict=True)
+    names = sorted(set(stems))
     number = {name: k for k, name in enumerate(names)}
-    frames = np.concatenate([np.repeat(t.frames, len(t.ids)) for t in tables])
-    animal = np.concatenate([np.tile([number[name] for name in t.ids], len(t.frames)) for t in tables])
-    xy = np.concatenate([t.xy.reshape(-1, 2) for t in tables])
-    good = np.isfinite(xy).all(1)
-    places, ids, numbers, _ = placed(path, frames[good], names, animal[good], xy[good])
-    told = [f"files without places were left out: {', '.join(file.name for file in others[:5])}"] if others else []
-    return TrackTable(places, ids, numbers, tables[0].fps, tables[0].unit, True, notes=told)
+    animal = np.repeat([number[stem] for stem in stems], [len(one) for one in frames])
+    places, ids, numbers, _ = placed(path, np.concatenate(frames), names, animal, np.concatenate(xy))
+    more = f" and {len(others) - 5} more" if len(others) > 5 else ""
+    told = [f"files without places were left out: {', '.join(others[:5])}{more}"] if others else []
+    return TrackTable(places, ids, numbers, rates[0], units[0], True, notes=told)

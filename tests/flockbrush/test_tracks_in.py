@@ -72,6 +72,21 @@ def test_movebank_degrees_become_metres(tmp_path):
     same(found, xy, atol=1e-3)
 
 
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_outliers_of_movebank_are_left_out(ending, tmp_path):
+    xy = paths_of()
+    rows = [(who, t / FPS, x + 500 * (t == 9), y, "FALSE" if t == 9 else "true") for t, who, x, y in long_rows(xy)]
+    path = written(tmp_path / "m.csv", "individual-local-identifier,time,utm-easting,utm-northing,visible", rows)
+    if ending == ".parquet":
+        table = pytest.importorskip("pyarrow.csv").read_csv(path)  # truth values, not words
+        path = path.with_suffix(ending)
+        pytest.importorskip("pyarrow.parquet").write_table(table, path)
+    found = read_trajectories(path)
+    assert any(f"{ANIMALS} rows with visible = false were left out; the first is" in note for note in found.notes)
+    xy[9] = np.nan
+    same(found, xy)
+
+
 def test_deeplabcut_takes_the_middle_of_the_parts_that_are_sure(tmp_path):
     xy = paths_of() * 20
     who = [n for n in range(ANIMALS) for _ in range(6)]
@@ -147,8 +162,12 @@ def test_a_folder_of_trex_files_is_one_herd(tmp_path):
             frame=np.arange(FRAMES), missing=missing, frame_rate=np.array([FPS]),
         )  # fmt: skip
     np.savez(tmp_path / "film_posture_fish0.npz", offset=np.zeros((3, 2)), frames=np.arange(3))
+    (tmp_path / "film_posture_fish1.csv").write_text("frame,offset\n0,1\n")
+    never = np.full(FRAMES, np.inf)
+    np.savez(tmp_path / "film_unseen.npz", **{"X#wcentroid": never, "Y#wcentroid": never}, frame=np.arange(FRAMES))
     found = read_trajectories(tmp_path)
-    assert found.notes == ("files without places were left out: film_posture_fish0.npz",)
+    others = "film_posture_fish0.npz, film_posture_fish1.csv, film_unseen.npz"
+    assert found.notes == (f"files without places were left out: {others}",)
     assert is_tracks(tmp_path)  # for every command
     assert found.unit == "m" and found.fps == FPS and not found.seen[7, 2]
     expected = paths_of() * (1, -1)
