@@ -223,10 +223,9 @@ def load_brush(
 
 
 def _read(toml: TomlFile, models: Mapping[str, Any]) -> Brush:
-    document = dict(toml.data)
     if not toml.data:
         raise ProblemsError([Problem(toml.name, 1, None, f'is empty; a brush starts with: schema = "{SCHEMA}"')])
-    check_schema(toml, document.pop("schema", None), SCHEMA)
+    document = check_schema(toml, SCHEMA)
     document["name"], problems = name_in(toml, SUFFIX)
     if "name" in toml.data:
         problems.append(toml.problem(("name",), "the name of a brush is its file name; remove this line"))

@@ -6,10 +6,10 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
-from flockbrush.behaviours.validation import shown
+from flockbrush.engine.file_formats import misfit
 from flockbrush.engine.problems import Problem, ProblemsError
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
@@ -23,14 +23,23 @@ def read_source(source: str | os.PathLike | bytes, file: str | None, suffix: str
     return parse_toml(source, file or f"unnamed{suffix}"), source
 
 
-def check_schema(toml: TomlFile, given: object, schema: str) -> None:
-    """ProblemsError for another schema: that has other rules, so nothing else is said of the file then."""
+def check_schema(toml: TomlFile, schema: str, needed: bool = True) -> dict[str, Any]:
+    """What a file holds apart from the schema that it states; files of some kinds did not state theirs once.
+
+    Raises
+    ------
+    ProblemsError
+        For another schema: that has other rules, so nothing else is said of the file then.
+    """
+    document = dict(toml.data)
+    given = document.pop("schema", None if needed else schema)
     kind = schema.removeprefix("flockbrush.").partition("/")[0]
     if given is None:
         message = f'is missing; a {kind} starts with: schema = "{schema}"'
         raise ProblemsError([Problem(toml.name, 1, "schema", message)])
-    if given != schema:
-        raise ProblemsError([toml.problem(("schema",), f"must be '{schema}', got {shown(given)}")])
+    if wrong := misfit(given, schema):
+        raise ProblemsError([toml.problem(("schema",), wrong)])
+    return document
 
 
 def name_in(toml: TomlFile, suffix: str) -> tuple[str, list[Problem]]:

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from flockbrush.behaviours.brush import Brush, BrushLibrary, flies_free
+from flockbrush.behaviours.file_library import check_schema
 from flockbrush.behaviours.spec import Finite, Line, Spec, Text, spec_field
 from flockbrush.behaviours.tomlfile import parse_toml
 from flockbrush.behaviours.validation import validated
@@ -68,10 +69,7 @@ class BrushPath(Spec):
 def load_path(source: bytes, file: str) -> BrushPath:
     """Read a path; ProblemsError with what is wrong with the file."""
     toml = parse_toml(source, file)
-    document = dict(toml.data)
-    if document.pop("schema", None) != PATH_SCHEMA:
-        raise ProblemsError([toml.problem(("schema",), f"must be '{PATH_SCHEMA}'")])
-    path, mistakes = validated(BrushPath, document)
+    path, mistakes = validated(BrushPath, check_schema(toml, PATH_SCHEMA))
     if path is None:
         raise ProblemsError([toml.problem(where, message) for where, message in mistakes])
     return path

@@ -194,8 +194,7 @@ def load_program(source: str | os.PathLike | bytes, file: str | None = None) -> 
 
 
 def _read(toml: TomlFile) -> Program:
-    document = dict(toml.data)
-    check_schema(toml, document.pop("schema", None), SCHEMA)
+    document = check_schema(toml, SCHEMA)
     name, problems = name_in(toml, SUFFIX)
     states, mistakes = _read_states(document.pop("state", None))
     triggers, more = _read_triggers(document.pop("trigger", ()), states)

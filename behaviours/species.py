@@ -242,8 +242,7 @@ def load_species(source: str | os.PathLike | bytes, file: str | None = None) -> 
 
 
 def _read(toml: TomlFile) -> SpeciesSpec:
-    document = dict(toml.data)
-    check_schema(toml, document.pop("schema", None), SCHEMA)
+    document = check_schema(toml, SCHEMA)
     document["name"], problems = name_in(toml, SUFFIX)
     if "name" in toml.data:
         problems.append(toml.problem(("name",), "the name of a species is its file name; remove this line"))

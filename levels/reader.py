@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from flockbrush.behaviours.program import Program, shipped_programs
 from flockbrush.behaviours.species import shipped_species
+from flockbrush.engine.file_formats import misfit
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.engine.raster import Raster
@@ -186,8 +187,8 @@ class LevelReader:
         return parsed(data, self.place, "map")
 
     def check_map(self, doc, values, place):
-        if "schema" in values.given and values["schema"] != schema.SCHEMA:
-            place.say(f"schema must be '{schema.SCHEMA}', got {values['schema']!r}", values.lines["schema"])
+        if "schema" in values.given and (wrong := misfit(values["schema"], schema.SCHEMA)):
+            place.say(f"schema {wrong}", values.lines["schema"])
         if doc.get("orientation", "orthogonal") != "orthogonal":
             place.say(
                 f"the orientation must be orthogonal, got {shown(doc['orientation'])}: tiles must be"

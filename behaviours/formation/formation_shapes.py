@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from flockbrush.behaviours.tomlfile import read_bytes
 from flockbrush.engine import limits
+from flockbrush.engine.file_formats import misfit
 from flockbrush.engine.problems import Problem, ProblemsError
 
 SCHEMA = "flockbrush.formation/1"
@@ -176,9 +177,9 @@ def load_formation(path: str | os.PathLike) -> Formation:
 
 def read_formation(document: Any, name: str) -> Formation:
     """A formation from the parsed document of its file."""
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-        got = document.get("schema") if isinstance(document, dict) else type(document).__name__
-        raise ProblemsError([Problem(name, None, "schema", f"must be {SCHEMA!r}, got {got!r}")])
+    given = document.get("schema") if isinstance(document, dict) else type(document).__name__
+    if wrong := misfit(given, SCHEMA):
+        raise ProblemsError([Problem(name, None, "schema", wrong)])
     problems: list[Problem] = []
     frames = []
     given = document.get("frames")

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.behaviours.brush import SUFFIX, name_like
+from flockbrush.behaviours.file_library import check_schema
 from flockbrush.behaviours.tomlfile import parse_toml, read_bytes
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused, write_text
@@ -25,6 +26,7 @@ from flockbrush.film.track_clip import table_of
 from flockbrush.film.tracks import read_marks, read_tracks
 from flockbrush.levels.steps import StateStack
 
+SCHEMA = "flockbrush.marks/1"
 UNDONE = 100  # steps that can be taken back
 
 
@@ -176,7 +178,8 @@ class Book(StateStack):
         """The marks as TOML."""
         marks, sketch = self.state.marks, self.state.sketch
         quoted = self.film.name.replace("\\", "\\\\").replace('"', '\\"')
-        lines = ["# marks of a clip, made with flockbrush play --clip", f"# {self.learn_line()}", f'clip = "{quoted}"']
+        lines = ["# marks of a clip, made with flockbrush play --clip", f"# {self.learn_line()}"]
+        lines += [f'schema = "{SCHEMA}"', f'clip = "{quoted}"']
         lines += [
             f"{name} = {value}" for name, value in (("first", marks.first), ("last", marks.last)) if value is not None
         ]
@@ -271,7 +274,7 @@ class Book(StateStack):
     def _read(self, path):
         """(Marks, Sketch, frame that is pending) of a file that was saved before."""
         file = parse_toml(read_bytes(path, limits.MARKED_FILM_BYTES), str(path), limits.MARKED_FILM_BYTES)
-        data, frames = file.data, len(self.film)
+        data, frames = check_schema(file, SCHEMA, needed=False), len(self.film)
         if data.get("clip", self.film.name) != self.film.name:
             message = f"has marks of {data['clip']!r}, not of {self.film.name!r}; choose another folder with --out"
             raise ProblemsError([file.problem(("clip",), message)])

@@ -12,6 +12,7 @@ import numpy as np
 
 from flockbrush.behaviours.tomlfile import check_plain
 from flockbrush.engine import limits
+from flockbrush.engine.file_formats import misfit
 from flockbrush.engine.files import refused
 
 SCHEMA = "flockbrush.fields/1"
@@ -65,8 +66,8 @@ def _arrays(path, file):
     with np.load(file, allow_pickle=False) as archive:
         if not hasattr(archive, "files") or "schema" not in archive.files:
             raise refused(path, f"{_UNKNOWN}: it has no schema; make a fields file with flockbrush fields CLIP")
-        if str(archive["schema"]) != SCHEMA:
-            raise refused(path, f"its schema is {str(archive['schema'])!r}, but this version reads {SCHEMA!r}")
+        if wrong := misfit(str(archive["schema"]), SCHEMA):
+            raise refused(path, f"schema {wrong}")
         return {name: archive[name] for name in archive.files}
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
-from flockbrush.film.track_table import WRAPPED, TrackTable, begun, check_size, part_middle
+from flockbrush.film.track_table import WRAPPED, TrackTable, begun, check_size, known_format, part_middle
 
 SLAB = 4_000_000  # numbers of a variable that are unpacked at once
 CHUNK = 64 * limits.MIB  # bytes of a packed block; HDF5 unpacks one whole, whatever part is asked for
@@ -41,6 +41,7 @@ def _hdf5(path):
 def movement_netcdf(path) -> TrackTable:
     """Tracks from netCDF of the package movement: position (time, space, [keypoints], individuals). ProblemsError."""
     with _hdf5(path) as data:
+        known_format(path, {"schema": getattr(data, "schema", None)})
         if "position" not in data.variables:
             raise refused(path, "has no variable position, as files of movement have")
         position = data["position"]

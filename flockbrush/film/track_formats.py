@@ -23,6 +23,7 @@ from flockbrush.film.track_table import (
     beside,
     check_rate,
     check_size,
+    known_format,
     line_word,
     metres,
     part_middle,
@@ -41,6 +42,7 @@ NAMES = {  # what columns are called, the first that is there is taken
     "time": ("time", "time_s", "seconds", "t", "timestamp"),
     "visible": ("visible",),  # of Movebank: false for outliers
 }  # fmt: skip
+_ABOUT = b"schema", b"boundary", b"unit"  # metadata in Parquet
 ROUNDED = 0.1  # frames by which times may be off a frame without being interpolated
 
 
@@ -226,6 +228,8 @@ def _parquet(path):
 
     with parquet.ParquetFile(path) as file:
         schema = file.schema_arrow
+        stated = schema.metadata or {}
+        about = known_format(path, {k.decode(): stated[k].decode() for k in _ABOUT if k in stated})
         header = [name.lower() for name in schema.names]
         where = {kind: next((header.index(n) for n in names if n in header), None) for kind, names in NAMES.items()}
         _need(path, where, header)
@@ -240,7 +244,6 @@ def _parquet(path):
         columns["visible"] = _seen(data[column_names["visible"]])
     coded = _coded(path, data[column_names["id"]])
     table = _long_table(path, header, where, columns, *coded, np.arange(1, len(data) + 1))
-    about = {k.decode(): v.decode() for k, v in (schema.metadata or {}).items() if k in (b"boundary", b"unit")}
     if table.unit is None and about.get("unit") in ("m", "px", "bl"):
         table.unit = about["unit"]
     table.notes += [WRAPPED] if about.get("boundary") == "wrap" else []

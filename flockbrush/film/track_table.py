@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from flockbrush.engine import limits
+from flockbrush.engine.file_formats import newer
 from flockbrush.engine.files import refused
 
+SCHEMA = "flockbrush.trajectory/1"  # of tables of runs
 WRAPPED = (
     "the level of this run is wrapped: across its edges distances are too large; measure its recording, or its CSV "
     "without options"
@@ -169,7 +171,10 @@ def rows_twice(frames, animals) -> tuple[int, int] | None:
 
 
 def beside(path) -> dict:
-    """The metadata in ``NAME.json``, written by Flockbrush next to a table; {} if there is no such file."""
+    """The metadata in ``NAME.json``, written by Flockbrush next to a table; {} if there is no such file.
+
+    ProblemsError when they are of a newer version.
+    """
     other = Path(f"{path}.json")
     if not other.is_file() or other.stat().st_size > limits.MIB:
         return {}
@@ -177,4 +182,11 @@ def beside(path) -> dict:
         metadata = json.loads(other.read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return metadata if isinstance(metadata, dict) else {}
+    return known_format(other, metadata) if isinstance(metadata, dict) else {}
+
+
+def known_format(path, about: dict) -> dict:
+    """The metadata of a table, from a file; ProblemsError when they state a newer version of its format."""
+    if told := newer(about.get("schema"), SCHEMA):
+        raise refused(path, f"schema {told}")
+    return about

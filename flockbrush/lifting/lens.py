@@ -9,9 +9,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from flockbrush.behaviours.file_library import check_schema
 from flockbrush.behaviours.tomlfile import parse_toml, read_bytes
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 
+SCHEMA = "flockbrush.lens/1"
 # what a camera's file may say, shown where something is missing
 EXAMPLE = {"width": 1280, "height": 720, "horizontal_fov_deg": 60, "fps": 30, "mean_speed": 9, "near": 5, "far": 200}
 
@@ -86,7 +88,7 @@ def read_camera(path: str | Path) -> Camera:
     """
     file = parse_toml(read_bytes(path), str(path))
     try:
-        return Camera.model_validate(file.data)
+        return Camera.model_validate(check_schema(file, SCHEMA, needed=False))
     except ValidationError as error:
         raise ProblemsError([file.problem(_key(e), _said(e)) for e in error.errors()]) from None
 

@@ -12,21 +12,23 @@ from pydantic import BaseModel, Field, ValidationError
 from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.film.track_table import beside, check_rate, rows_twice
-from flockbrush.output.trajectory_table import SCHEMA
+from flockbrush.film.track_table import SCHEMA, beside, check_rate, rows_twice
 from flockbrush.systems.groups import parts_of
 from flockbrush.systems.measures import herd_measures
 
 NUMBERS = "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading"
-PITCH = "pitch"  # not in every table
-WORDS = "species", "brush", "group", "family", "state"  # families and states are not in every table
+NUMBERED = "group", "family"  # 0 where the cell is empty
+WORDS = "species", "brush", "state"
+NOT_IN_ALL = {"pitch", "family", "state"}  # columns that older tables lack
+WHOLE = "frame", "id", *NUMBERED
+PITCH = "pitch"
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class AboutRun(BaseModel):
     """What the metadata beside a table say of its run."""
 
-    table: str = Field(alias="schema", pattern=SCHEMA)
+    table: str = Field(alias="schema", pattern=f"^{SCHEMA}$")
     fps: Positive
     frames: Annotated[int, Field(ge=1, le=limits.TRACK_FRAMES)] | None = None  # also those without animals
     level: str
@@ -81,11 +83,10 @@ class RunTable:
     def parts(self):
         """Counts and measures in the last frame, by species, brush and group (`flockbrush.systems.groups`)."""
         rows = self.rows(-1)
+        none = np.zeros(len(rows), np.int64)
         group, family = (
-            np.array([int(word or 0) for word in self.words[name][rows].tolist()], np.int64)
-            if name in self.words else np.zeros(len(rows), np.int64)
-            for name in ("group", "family")
-        )  # fmt: skip
+            self.numbers[name][rows].astype(np.int64) if name in self.numbers else none for name in NUMBERED
+        )
         named = self.words["species"][rows], self.words["brush"][rows]
         return parts_of(lambda some: self.measures(rows[some]), *named, group, family)
 
@@ -131,9 +132,9 @@ def read_run_table(path) -> RunTable | None:
         return None
     table = read_table(path, limits.TRACKS_BYTES, limits.TRACK_ROWS)
     header: list[str] = next(table, (1, []))[1]
-    if not {*NUMBERS, *WORDS[:3]} <= set(header):
+    if not {*NUMBERS, *NUMBERED, *WORDS} - NOT_IN_ALL <= set(header):
         return None
-    known = (*NUMBERS, PITCH) if PITCH in header else NUMBERS
+    known = [name for name in (*NUMBERS, *NUMBERED, PITCH) if name in header]
     at = [header.index(name) for name in known]
     words = {name: header.index(name) for name in WORDS if name in header}
     values, lines, texts = array("d"), array("q"), {name: array("q") for name in words}
@@ -167,9 +168,11 @@ def read_run_table(path) -> RunTable | None:
 
 def _number(path, line, name, cell):
     try:
-        value = float(cell)
+        value = float(cell or "0") if name in NUMBERED else float(cell)
     except ValueError:
         value = np.nan
+    if name in WHOLE and not value.is_integer():
+        raise ProblemsError([Problem(str(path), line, name, f"must be a whole number, got {cell[:40]!r}")])
     if not abs(value) < 1e12:
         raise ProblemsError([Problem(str(path), line, name, f"must be a finite number, got {cell[:40]!r}")])
     return value

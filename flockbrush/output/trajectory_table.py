@@ -8,12 +8,11 @@ import numpy as np
 
 import flockbrush
 from flockbrush.components import Body, Species
+from flockbrush.film.track_table import SCHEMA
 from flockbrush.runs.catalogue import LABELS, catalogue_of
 from flockbrush.runs.snapshots import Moment, words_of
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.programs import Programs
-
-SCHEMA = "flockbrush.trajectory/1"
 
 COLUMNS = (
     "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "species", "brush", "role", "reference",

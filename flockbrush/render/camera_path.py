@@ -2,6 +2,7 @@
 
 ::
 
+    schema = "flockbrush.camera/1"
     ease = "smooth"          # or "linear", "hold"
     fov = 38                 # degrees from the lowest to the highest row; a key may have its own
 
@@ -25,10 +26,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flockbrush.behaviours.file_library import check_schema
 from flockbrush.behaviours.tomlfile import TomlFile, is_number, parse_toml, read_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.render.orbit import OrbitCamera
 
+SCHEMA = "flockbrush.camera/1"
 EASES = ("smooth", "linear", "hold")
 FOV = 38.0  # degrees
 FARTHEST = 1e6  # m: numbers beyond are slips
@@ -94,7 +97,7 @@ def read_camera(path) -> CameraPath:
 
 
 def _checked(toml: TomlFile) -> CameraPath:
-    data, problems = toml.data, []
+    data, problems = check_schema(toml, SCHEMA, needed=False), []
     problems += toml.unknown_names((), data, ("ease", "fov", "keys"))
     ease = data.get("ease", "smooth")
     if ease not in EASES:

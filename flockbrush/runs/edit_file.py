@@ -2,6 +2,7 @@
 
 ::
 
+    schema = "flockbrush.edits/1"
     recording = "run.flock"
     sha256 = "0f3c..."        # of the recording: edits of another one are refused
 
@@ -27,6 +28,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import NamedTuple
 
+from flockbrush.behaviours.file_library import check_schema
 from flockbrush.behaviours.tomlfile import TomlFile, is_number, parse_toml, read_bytes
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
@@ -34,6 +36,7 @@ from flockbrush.levels.steps import UndoStack
 from flockbrush.runs.run_edits import ALWAYS, KINDS, Edit, Layer
 
 SUFFIX = ".edits.toml"
+SCHEMA = "flockbrush.edits/1"
 FIRST = "edits"  # name of the layer that there is by default
 USES = {
     "delete": (), "move": ("by", "turn", "about", "over"), "retime": ("speed",), "freeze": (), "delay": ("seconds",),
@@ -174,7 +177,8 @@ def edits_of(recording) -> EditFile:
 def parse_edits(data: bytes, path) -> EditFile:
     """Edits from the bytes of a file; ProblemsError."""
     toml = parse_toml(data, str(path))
-    problems = toml.unknown_names((), toml.data, ("recording", "sha256", "order", "layers", "undone"))
+    document = check_schema(toml, SCHEMA, needed=False)
+    problems = toml.unknown_names((), document, ("recording", "sha256", "order", "layers", "undone"))
     sha256 = toml.data.get("sha256")
     if not isinstance(sha256, str) or not re.fullmatch("[0-9a-f]{64}", sha256):
         problems.append(toml.problem(("sha256",), "must be the SHA-256 of the recording, 64 hexadecimal digits"))
@@ -293,7 +297,7 @@ def ids_text(ids) -> str:
 
 
 def _text(edits: EditFile) -> str:
-    lines = [f"recording = {_toml(edits.recording)}", f'sha256 = "{edits.sha256}"']
+    lines = [f'schema = "{SCHEMA}"', f"recording = {_toml(edits.recording)}", f'sha256 = "{edits.sha256}"']
     if edits.done:
         lines.append(f"order = {_toml([step.layer for step in edits.done])}")
     for layer in edits.layers:

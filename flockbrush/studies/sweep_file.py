@@ -31,10 +31,11 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 import flockbrush
+from flockbrush.behaviours.file_library import check_schema
 from flockbrush.behaviours.tomlfile import Key, TomlFile, parse_toml, read_bytes
 from flockbrush.behaviours.validation import shown, validated
 from flockbrush.engine import limits
-from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.studies.experiments import Experiment, Mistakes, experiments
 
 SCHEMA = "flockbrush.sweep/1"
@@ -166,10 +167,7 @@ def rehearse(path):
 def parse_sweep(data: bytes, name: str, folder=Path()) -> Sweep:
     """The sweep whose file has these bytes; paths in it start from the folder."""
     toml = parse_toml(data, name)
-    if toml.data.get("schema") != SCHEMA:
-        schema = toml.data.get("schema")
-        problem = "is missing" if schema is None else f"is {shown(schema)}"
-        raise ProblemsError([Problem(name, toml.line(("schema",)), "schema", f"{problem}; it must be {SCHEMA!r}")])
+    check_schema(toml, SCHEMA)
     tables, problems = _parameter_tables(toml)
     fields = _Document.model_fields
     problems += toml.unknown_names((), toml.data, ("schema", "grid", "fixed", "case", *fields))

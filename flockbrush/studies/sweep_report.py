@@ -21,6 +21,7 @@ from flockbrush.studies.sweep import Journal
 from flockbrush.studies.sweep_file import Sweep
 from flockbrush.systems.measures import measures
 
+SCHEMA = "flockbrush.runs/1"
 SHOWN_FAILURES = 10
 NOTE = "marks: means over seeds; bars: standard error of the mean in each direction"
 MOST_CURVES = 8
@@ -71,6 +72,7 @@ def summarise(sweep: Sweep, journal: Journal, wall=math.nan, workers=1) -> dict:
         )
         good, seconds = good + len(fine), seconds + spent
     return {
+        "schema": SCHEMA,
         "sweep": sweep.name,
         "title": sweep.title,
         "version": flockbrush.__version__,
@@ -292,7 +294,7 @@ def _write_parquet(path, sweep, columns):
     import pyarrow.parquet as pq
 
     about = {
-        "schema": "flockbrush.runs/1",
+        "schema": SCHEMA,
         "sweep": sweep.name,
         "title": sweep.title,
         "version": flockbrush.__version__,

@@ -199,7 +199,8 @@ source = ""
         ("mean = 2", "mean = 2\nby_density = [[1, true]]", "11: speed.by_density[0][1]: must be a number, got true"),
         ("[speed]\nmean = 2", "", "1: speed: is missing; a table with mean is needed: how fast"),
         ("date = 2026-11-21", "date = 2026-11-21T10:00:00", "15: provenance.date: must be a date such as 2026-11-21"),
-        ("/1", "/2", "1: schema: must be 'flockbrush.brush/1', got 'flockbrush.brush/2'"),
+        ("/1", "/2", "1: schema: 'flockbrush.brush/2' is of a newer Flockbrush; this one reads 'flockbrush.brush/1'"),
+        ("/1", "/x", "1: schema: must be 'flockbrush.brush/1', got 'flockbrush.brush/x'"),
         ('schema = "flockbrush.brush/1"\n', "", '1: schema: is missing; a brush starts with: schema = "flockbrush'),
     ],
 )

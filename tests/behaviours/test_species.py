@@ -66,7 +66,7 @@ def test_limits_of_a_medium_that_it_cannot_move_in_are_refused():
 def test_another_schema_is_refused_as_it_is_in_brushes():
     told = problems(SHEEP.decode().replace("species/1", "species/9") + "unknown = 3\n")
     assert [line.partition("schema: ")[2] for line in told] == [
-        "must be 'flockbrush.species/1', got 'flockbrush.species/9'"
+        "'flockbrush.species/9' is of a newer Flockbrush; this one reads 'flockbrush.species/1': update Flockbrush"
     ]
 
 

@@ -36,7 +36,7 @@ fov = 50
 @pytest.fixture
 def shot(tmp_path):
     path = tmp_path / "shot.camera.toml"
-    path.write_text(ORBIT)
+    path.write_text('schema = "flockbrush.camera/1"\n' + ORBIT)
     return path
 
 
@@ -174,6 +174,8 @@ def test_a_smooth_camera_does_not_jump_or_overshoot(tmp_path, ease):
         ("[[keys]]\ntime = 0\ntarget = [1, 1, 1]\neye = [1, 1, 1]", "0.1 m from the target"),
         ('ease = "swing"\n' + ORBIT, "smooth, linear, hold"),
         (ORBIT.replace("fov = 50", "fov = nan"), "fov"),
+        ('schema = "flockbrush.camera/2"\n' + ORBIT, "is of a newer Flockbrush"),
+        ('schema = "flockbrush.lens/1"\n' + ORBIT, "must be 'flockbrush.camera/1'"),
     ],
 )
 def test_what_is_wrong_with_a_camera_is_said_with_its_line(tmp_path, text, said):

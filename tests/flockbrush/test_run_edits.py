@@ -319,6 +319,13 @@ speed = 2
 """
 
 
+def test_a_file_of_edits_states_its_format(tmp_path):
+    edits = parse_edits(GOOD.encode(), tmp_path / "a.edits.toml")
+    edits.save()
+    assert edits.path.read_text().startswith('schema = "flockbrush.edits/1"\n')
+    assert parse_edits(edits.path.read_bytes(), edits.path).layers == edits.layers
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -333,6 +340,7 @@ speed = 2
         ('name = "one"', "on = 3", "true or false"),
         ('name = "one"', "", "a layer must have a name"),
         ("0" * 64, "abc", "SHA-256"),
+        ("recording", 'schema = "flockbrush.edits/2"\nrecording', "is of a newer Flockbrush"),
         ("[[layers]]", 'order = ["two"]\n[[layers]]', "name the layer of each edit"),
     ],
 )

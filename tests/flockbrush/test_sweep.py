@@ -86,7 +86,7 @@ def test_seeds_may_be_listed_one_by_one():
         (
             '"flockbrush.sweep/1"',
             '"flockbrush.sweep/2"',
-            "2: schema: is 'flockbrush.sweep/2'; it must be 'flockbrush.sweep/1'",
+            "2: schema: 'flockbrush.sweep/2' is of a newer Flockbrush; this one reads 'flockbrush.sweep/1'",
         ),
         ("[grid]", "[grid", "is not TOML"),
     ],

@@ -10,6 +10,7 @@ from flockbrush.cli.main import called
 from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.film.open_clip import Looking, drawn_tracks, look_at, looked_apart
 from flockbrush.film.track_files import is_tracks, read_trajectories
+from flockbrush.output.run_table import read_run_table
 
 FPS, FRAMES, ANIMALS = 10.0, 40, 6
 
@@ -210,6 +211,44 @@ def test_our_own_exports_are_read_back(tmp_path, ending):
     last = simulation.agents[Position.xyz][:, :2]
     assert found.unit == "m" and found.heading is not None
     assert sorted(map(tuple, np.round(found.xy[-1], 3).tolist())) == sorted(map(tuple, np.round(last, 3).tolist()))
+
+
+ABOUT = {
+    "schema": "flockbrush.trajectory/1", "fps": FPS, "unit": "m", "level": "pen", "width": 40.0, "height": 30.0,
+    "boundary": "wall", "flying": [], "body_length": {"sheep": 1.0}, "programs": {},
+}  # fmt: skip
+
+
+def run_table(path, group="1", family="", schema="flockbrush.trajectory/1"):
+    """A table of a run as it is exported, of two animals in ten frames, with the metadata beside it."""
+    head = "frame,time,id,x,y,z,vx,vy,vz,heading,species,brush,group,family,state"
+    rows = [
+        (t, t / FPS, n, t / 9, n, 0, 1, 0, 0, 0, "sheep", "march", group, family, "") for t in range(10) for n in (1, 2)
+    ]
+    path.with_name(f"{path.name}.json").write_text(json.dumps({**ABOUT, "schema": schema}))
+    return written(path, head, rows)
+
+
+def test_groups_of_a_table_that_another_program_wrote_are_whole_numbers(tmp_path):
+    """Pandas writes 1.0 where a column has empty cells."""
+    table = read_run_table(run_table(tmp_path / "r.csv", "1.0", ""))
+    assert set(table.numbers["group"]) == {1} and set(table.numbers["family"]) == {0}
+    with pytest.raises(ProblemsError, match=r"r.csv:2: group: must be a whole number, got '1.5'"):
+        read_run_table(run_table(tmp_path / "r.csv", "1.5"))
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+@pytest.mark.parametrize("version", [2, 10])
+def test_a_table_of_a_newer_version_is_refused(version, ending, tmp_path):
+    schema = f"flockbrush.trajectory/{version}"
+    path = run_table(tmp_path / "r.csv", schema=schema)
+    if ending == ".parquet":
+        table = pytest.importorskip("pyarrow.csv").read_csv(path).replace_schema_metadata({"schema": schema})
+        path = path.with_suffix(ending)
+        pytest.importorskip("pyarrow.parquet").write_table(table, path)
+    for read in (read_trajectories, read_run_table) if ending == ".csv" else (read_trajectories,):
+        with pytest.raises(ProblemsError, match=f"schema '{schema}' is of a newer Flockbrush; this one reads"):
+            read(path)
 
 
 # what is refused ----------------------------------------------------------------------------------------

@@ -227,7 +227,7 @@ class TestMeaning:
 
     def test_a_level_says_what_it_is(self):
         assert "map: schema is missing; a Flockbrush level has 'flockbrush-level/1'" in problem(level(properties=[]))
-        assert "schema must be 'flockbrush-level/1', got 'flockbrush-level/9'" in problem(
+        assert "schema 'flockbrush-level/9' is of a newer Flockbrush; this one reads 'flockbrush-level/1'" in problem(
             level(properties=properties(schema="flockbrush-level/9"))
         )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flockbrush.engine.files import refused, write_text
-from flockbrush.lifting.lens import Camera, read_camera
+from flockbrush.lifting.lens import SCHEMA, Camera, read_camera
 
 FOV, SPEED = 60.0, 10.0  # degrees, m/s: what is offered where nobody knows
 NEAR, FAR = 2.0, 1000.0  # m
@@ -58,7 +58,8 @@ class Lifting:
             near=NEAR, far=FAR,
         )  # fmt: skip
         self.window.book.folder.mkdir(parents=True, exist_ok=True)
-        write_text(place, "".join(f"{name} = {value}\n" for name, value in camera.model_dump().items()))
+        lines = [f'schema = "{SCHEMA}"', *(f"{name} = {value}" for name, value in camera.model_dump().items())]
+        write_text(place, "\n".join(lines) + "\n")
         self.camera = place
         self.begin(part)
 
