@@ -45,12 +45,12 @@ def run_level(job: RunRequest, options):
         watch, writing = running.Stopwatch(simulation), bool(job.record or exported)
         if job.record:
             tell_size(job.record, running.recording_size(simulation, ticks, job.keyframes))
-        with (  # what is wrong with an export is known before a recording takes the place of an earlier one
-            Exports(exported, simulation, job.fps, **options) as exports,
-            recorder_of(job.record, simulation, job.keyframes) as recorder,
-        ):
-            exports.take()
-            with stepping(simulation.level.name, simulation, ticks, interrupts, writing) as stepped:
+        with Exports(exported, simulation, job.fps, **options) as exports:
+            exports.take()  # what is wrong with an export is known before a recording takes the place of an earlier one
+            with (
+                recorder_of(job.record, simulation, job.keyframes) as recorder,
+                stepping(simulation.level.name, simulation, ticks, interrupts, writing) as stepped,
+            ):
                 tick = _step(job, watch, ticks, interrupts.check)
                 while simulation.clock.tick < ticks:
                     try:

@@ -11,10 +11,12 @@ import importlib.util
 from pathlib import Path
 
 from flockbrush.engine.clock import Clock
+from flockbrush.engine.commands import CommandError
 from flockbrush.engine.files import output_problems, refused
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.output.exporter import exporter_of, exporters
 from flockbrush.runs.snapshots import Sampler
+from flockbrush.runs.terminal import Stopped, say
 
 
 def check_exports(paths, inputs=(), others=(), options=None):
@@ -71,6 +73,7 @@ class Exports:
         if problems := output_problems(paths, simulation.inputs(paths)):
             raise ProblemsError(problems)
         self._pairs, self._edits = [], edits
+        self._begun, self._error = False, None
         try:
             for path in paths:
                 kind = exporter_of(path)
@@ -83,19 +86,37 @@ class Exports:
             raise
 
     def take(self):
-        """Write the frames that are due."""
-        for exporter, sampler in self._pairs:
-            with exporter.naming():
-                for moment in sampler.due():
-                    exporter.take(moment if self._edits is None else self._edits.at(moment))
+        """Write the frames that are due; a file that fails later than at the start is told, and the others go on.
+
+        The error is raised where no file is left, else by `close`.
+        """
+        for exporter, sampler in [*self._pairs]:
+            try:
+                with exporter.naming():
+                    for moment in sampler.due():
+                        exporter.take(moment if self._edits is None else self._edits.at(moment))
+            except Exception as error:
+                self._fail(exporter, error)
+                if not (self._begun and self._pairs):
+                    raise
+                say(f"{exporter.path} is left out: {error}")
+        self._begun = True
 
     def close(self):
-        """Complete all files."""
-        while self._pairs:
-            exporter, _ = self._pairs[0]
-            with exporter.naming():
-                exporter.close()
-            del self._pairs[0]
+        """Complete all files; then the first error is raised, if some have failed."""
+        for exporter, _ in [*self._pairs]:
+            try:
+                with exporter.naming():
+                    exporter.close()
+            except Exception as error:  # noqa: BLE001  it is raised below
+                self._fail(exporter, error)
+        self._pairs = []
+        if self._error is not None:
+            raise self._error
+
+    def _fail(self, exporter, error):
+        self.abandon([exporter])
+        self._error = self._error or error
 
     def abandon(self, which=None):
         """Remove incomplete files: all, or some."""
@@ -108,9 +129,6 @@ class Exports:
         return self
 
     def __exit__(self, kind, error, trace):
-        from flockbrush.engine.commands import CommandError
-        from flockbrush.runs.terminal import Stopped, say
-
         kept = isinstance(error, Stopped) or (isinstance(error, CommandError) and not error.source)  # of no recording
         if kind is not None:  # a part of a run replaces no file
             left = [exporter for exporter, _ in self._pairs if not kept or exporter.replaces]

@@ -2,6 +2,8 @@
 
 import pytest
 from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.systems.animal_commands import AddAnimals
 from flockbrush.systems.commands import MoveObstacle, SwitchBrush
 from flockbrush.systems.steer import NotFinite
 
@@ -9,6 +11,8 @@ import flockbrush
 from flockbrush.cli.level_commands import recorder_of, stepping
 from flockbrush.cli.main import called
 from flockbrush.output.export import Exports
+from flockbrush.output.formats.gltf_scene import GltfScene
+from flockbrush.output.gltf import animated_nodes
 from flockbrush.runs.terminal import Interrupts, Stopped, exit_code_of
 
 
@@ -59,3 +63,40 @@ def test_a_run_that_is_stopped_keeps_the_earlier_file_of_a_name(tmp_path, capsys
     assert old.read_text() == "mine" and new.read_text().splitlines()[-1].startswith("1,")
     assert f"{old} is still the earlier file: the new one is not complete" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new.csv", "new.csv.json", "old.csv"]
+
+
+def exported_with_births(paths):
+    """Export a run of 4 ticks with a birth in the third."""
+    simulation = flockbrush.start("meadow", 1, 10)
+    simulation.world.resource(Commands).submit(AddAnimals("graze", 20.0, 20.0, 5.0, species="sheep"), 3)
+    with Exports(paths, simulation, 32) as exports:
+        exports.take()
+        for _ in range(4):
+            simulation.tick()
+            exports.take()
+
+
+def test_a_file_that_fails_in_the_run_is_told_then_and_the_others_are_whole(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(animated_nodes, "MOST", 10)
+    with pytest.raises(ProblemsError, match="this run has 11; use --gltf-mode crowd"):
+        exported_with_births([tmp_path / "a.glb", tmp_path / "a.csv"])
+    assert (tmp_path / "a.csv").read_text().splitlines()[-1].startswith("4,")
+    assert f"{tmp_path / 'a.glb'} is left out: --gltf-mode nodes: animated nodes are limited" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "a.csv.json"]
+
+
+def test_the_last_file_that_fails_ends_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(animated_nodes, "MOST", 10)
+    with pytest.raises(ProblemsError, match="this run has 11"):
+        exported_with_births([tmp_path / "a.glb"])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_fails_at_the_end_takes_no_other_with_it(tmp_path, monkeypatch):
+    def fail(self):
+        raise OSError("no room")
+
+    monkeypatch.setattr(GltfScene, "finish", fail)
+    with pytest.raises(OSError, match="no room"):
+        exported_with_births([tmp_path / "a.glb", tmp_path / "a.csv"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "a.csv.json"]

@@ -28,11 +28,8 @@ class GltfScene(Exporter):
         return camera_problems(options)
 
     def open(self):
-        from flockbrush.output.gltf.animated_nodes import check_number
         from flockbrush.output.gltf.scene import GltfNodes
 
-        if self.options["gltf_mode"] == "nodes":  # before a long run
-            check_number(len(self.simulation.agents))
         self._scene = GltfNodes(self.temporary, self.simulation, self.fps, self.options)
 
     def take(self, moment):

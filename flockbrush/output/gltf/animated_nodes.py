@@ -39,7 +39,6 @@ class Herd:
     """
 
     def __init__(self, document, bodies, records, world, fps):
-        check_number(len(records.slots))
         self.document, self.bodies, self.records, self.fps = document, bodies, records, fps
         self.words, self.wrap = words_of(bodies.simulation), bodies.simulation.world.resource(Landscape).wrap
         self.poses = list(bodies.poses)

@@ -12,7 +12,7 @@ import numpy as np
 
 import flockbrush
 from flockbrush.levels.build import Simulation
-from flockbrush.output.gltf.animated_nodes import Herd, hemisphere
+from flockbrush.output.gltf.animated_nodes import Herd, check_number, hemisphere
 from flockbrush.output.gltf.bodies import GltfBodies
 from flockbrush.output.gltf.crowd_buffer import write_crowd
 from flockbrush.output.gltf.document import GltfDocument
@@ -45,7 +45,7 @@ class GltfNodes:
         self.document.top["scene"] = 0
         self.bodies, self.gaits = GltfBodies(self.document, simulation, chosen_theme(options)), Gaits(simulation)
         self.records = Records(path.parent, simulation)
-        self.place, self.times = None, []
+        self.place, self.times, self._crowd = None, [], options.get("gltf_mode") == "crowd"
         if isinstance(simulation, Simulation):
             self.place = PlaceNodes(self.document, self.bodies, simulation, options, self.world, fps)
 
@@ -56,13 +56,15 @@ class GltfNodes:
         if self.place is not None:
             self.place.take(moment.time)
         self.records.take(moment, self.bodies.shown(moment, clip, phase), phase)
+        if not self._crowd:
+            check_number(len(self.records.slots))
 
     def finish(self):
         """Complete the file."""
         if self.place is not None:
             self.place.finish()
             self._camera()
-        if self.options.get("gltf_mode") == "crowd":
+        if self._crowd:
             write_crowd(self.document, self.bodies, self.records, self.world, self.fps)
         else:
             Herd(self.document, self.bodies, self.records, self.world, self.fps)
