@@ -18,10 +18,10 @@ from flockbrush.systems.measures import herd_measures
 
 NUMBERS = "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading"
 NUMBERED = "group", "family"  # 0 where the cell is empty
+LATER = "pitch", "length"
 WORDS = "species", "brush", "state"
-NOT_IN_ALL = {"pitch", "family", "state"}  # columns that older tables lack
+NOT_IN_ALL = {*LATER, "family", "state"}  # columns that older tables lack
 WHOLE = "frame", "id", *NUMBERED
-PITCH = "pitch"
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -36,7 +36,7 @@ class AboutRun(BaseModel):
     height: float
     boundary: str
     flying: list[str]  # brushes
-    body_length: dict[str, Positive]  # m, mean of a species
+    body_length: dict[str, Positive] = {}  # m, mean of a species, where the table has no lengths
     programs: dict[str, dict[str, str]]  # their states, and what they are called in the table
 
 
@@ -71,14 +71,19 @@ class RunTable:
         about, (x, y, z, u, v, w, heading) = self.about, (self.numbers[name][rows] for name in NUMBERS[3:])
         aloft, speed = np.isin(self.words["brush"][rows], about.flying), np.sqrt(u * u + v * v + w * w)
         rise = np.where(aloft, w / np.maximum(speed, 1e-9), 0.0)
-        if PITCH in self.numbers:
-            rise = np.sin(self.numbers[PITCH][rows])
+        if "pitch" in self.numbers:
+            rise = np.sin(self.numbers["pitch"][rows])
         level = np.sqrt(1.0 - rise * rise)
         forward = np.column_stack([level * np.cos(heading), level * np.sin(heading), rise])
-        length = [about.body_length.get(name, 1.0) for name in self.words["species"][rows].tolist()] or [1.0]
+        if "length" in self.numbers:
+            length = self.numbers["length"][rows]
+        else:
+            length = np.array([about.body_length.get(name, 1.0) for name in self.words["species"][rows].tolist()])
         wrap = (about.width, about.height) if about.boundary == "wrap" else None
         xyz, velocity = np.column_stack([x, y, z]), np.column_stack([u, v, w])
-        return herd_measures(xyz, velocity, forward, float(np.mean(length)), wrap, bool(aloft.any()))
+        return herd_measures(
+            xyz, velocity, forward, float(length.mean()) if len(rows) else 1.0, wrap, bool(aloft.any())
+        )
 
     def parts(self):
         """Counts and measures in the last frame, by species, brush and group (`flockbrush.systems.groups`)."""
@@ -132,9 +137,10 @@ def read_run_table(path) -> RunTable | None:
         return None
     table = read_table(path, limits.TRACKS_BYTES, limits.TRACK_ROWS)
     header: list[str] = next(table, (1, []))[1]
-    if not {*NUMBERS, *NUMBERED, *WORDS} - NOT_IN_ALL <= set(header):
+    needed = {*NUMBERS, *NUMBERED, *WORDS} - NOT_IN_ALL
+    if not needed <= set(header) or not (about.body_length or "length" in header):
         return None
-    known = [name for name in (*NUMBERS, *NUMBERED, PITCH) if name in header]
+    known = [name for name in (*NUMBERS, *NUMBERED, *LATER) if name in header]
     at = [header.index(name) for name in known]
     words = {name: header.index(name) for name in WORDS if name in header}
     values, lines, texts = array("d"), array("q"), {name: array("q") for name in words}

@@ -7,16 +7,14 @@ import hashlib
 import numpy as np
 
 import flockbrush
-from flockbrush.components import Body, Species
 from flockbrush.film.track_table import SCHEMA
 from flockbrush.runs.catalogue import LABELS, catalogue_of
 from flockbrush.runs.snapshots import Moment, words_of
-from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.programs import Programs
 
 COLUMNS = (
     "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "species", "brush", "role", "reference",
-    *LABELS, "pitch",
+    *LABELS, "pitch", "length",
 )  # fmt: skip
 
 ROLES = ("follower", "leader")
@@ -42,6 +40,7 @@ def table_of(simulation, moment: Moment, frame):
         "reference": moment.reference,
         **moment.labels,
         "pitch": np.arctan2(moment.forward[:, 2], np.hypot(moment.forward[:, 0], moment.forward[:, 1])),
+        "length": moment.length,
     }  # fmt: skip
     return table, words
 
@@ -70,20 +69,13 @@ def metadata_of(simulation, fps):
 
 def names_in_tables(simulation):
     """What a table needs beside it to be measured as its run (`flockbrush.output.run_table`)."""
-    agents, world = simulation.agents, simulation.world
-    catalogue, fauna = catalogue_of(world), world.resource(SpeciesList)
+    catalogue = catalogue_of(simulation.world)
     palette = catalogue.palette
-    species, length = agents[Species.index], agents[Body.length]
-    now = {name: length[species == k] for k, name in enumerate(fauna.names)}
     return {
         "flying": [name for name, flies in zip(palette.names, palette.flies_free.tolist(), strict=True) if flies],
-        "body_length": {
-            name: float(now[name].mean()) if len(now.get(name, ())) else (1.0 if asset is None else asset.body.length)
-            for name, asset in catalogue.species.items()
-        },
         "programs": {
             one.program.name: {name: catalogue.word("state", f"{one.program.name}/{name}") for name in one.names}
-            for one in world.resource(Programs).compiled
+            for one in simulation.world.resource(Programs).compiled
         },
     }
 

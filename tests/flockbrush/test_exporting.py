@@ -95,7 +95,7 @@ def test_tables_carry_the_labels_that_a_world_has(level, tmp_path, monkeypatch):
 
 def test_a_csv_has_the_columns_that_were_promised(exported):
     head = (exported / "pen.csv").read_text().splitlines()[0]
-    promised = "frame,time,id,x,y,z,vx,vy,vz,heading,speed,species,brush,role,reference,group,family,state,pitch"
+    promised = "frame,time,id,x,y,z,vx,vy,vz,heading,speed,species,brush,role,reference,group,family,state,pitch,length"
     assert head == promised == ",".join(COLUMNS)
 
 

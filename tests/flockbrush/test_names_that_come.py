@@ -182,7 +182,8 @@ def test_a_state_keeps_its_name_when_another_program_has_one_of_the_same_name(cl
     assert by_table["states"]["one"] == by_run["states"]["one"]
 
 
-def test_metadata_name_what_is_in_the_table(cli, recording, tmp_path, plain):
-    exported(cli, recording, tmp_path)
-    about = json.loads((tmp_path / "late.csv.json").read_text())
-    assert set(about["body_length"]) >= {row["species"] for row in plain}
+def test_a_look_of_another_size_is_in_the_table(cli, recording, tmp_path, plain):
+    rows = exported(cli, recording, tmp_path, ["--ids", "1,2", "--look", "size=2"])
+    for row, before in zip(rows, plain, strict=True):
+        times = 2.0 if row["id"] in ("1", "2") else 1.0
+        assert float(row["length"]) == pytest.approx(times * float(before["length"]), abs=2e-6)

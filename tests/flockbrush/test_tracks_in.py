@@ -4,12 +4,17 @@ import json
 
 import numpy as np
 import pytest
+from flockbrush.components import Body
+from flockbrush.engine.commands import Commands
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.systems.animal_commands import RemoveAnimals
 
+import flockbrush
 from flockbrush.cli.main import called
 from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.film.open_clip import Looking, drawn_tracks, look_at, looked_apart
 from flockbrush.film.track_files import is_tracks, read_trajectories
+from flockbrush.output.export import Exports
 from flockbrush.output.run_table import read_run_table
 
 FPS, FRAMES, ANIMALS = 10.0, 40, 6
@@ -424,7 +429,7 @@ def test_a_table_without_its_metadata_is_measured_as_tracks(tmp_path, capsys):
     capsys.readouterr()
     assert called(["measure", str(record), "--every", "1", "--json"]) == 0
     run = json.loads(capsys.readouterr().out)["mean"]
-    for changed in ({**about, "body_length": {"sheep": -1}}, {**about, "programs": 3}, None):
+    for changed in ({**about, "flying": None}, {**about, "programs": 3}, None):
         beside.write_text(json.dumps(changed)) if changed else beside.unlink()
         more = [] if changed else ["--unit", "m"]
         assert called(["measure", str(table), "--every", "1", "--json", *more]) == 0
@@ -434,13 +439,45 @@ def test_a_table_without_its_metadata_is_measured_as_tracks(tmp_path, capsys):
             assert tracks["mean"][name] == pytest.approx(run[name], abs=0.05, rel=0.03), name
 
 
+def test_a_table_has_the_lengths_of_animals_that_are_gone_at_the_end(tmp_path, capsys):
+    simulation = flockbrush.start("meadow", 1, 30)
+    length = simulation.agents[Body.length]
+    length *= 0.25
+    simulation.world.resource(Commands).submit(RemoveAnimals(0.0, 0.0, 0.0), 24)
+    lived = []
+    with Exports([tmp_path / "r.csv"], simulation) as exports:
+        for tick in range(32):
+            lived += [simulation.measures()["largest_part"]] if tick % 8 == 0 else []
+            exports.take()
+            simulation.tick()
+    assert called(["measure", str(tmp_path / "r.csv"), "--every", "0.25", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["series"]["largest_part"]
+    assert told[:3] == pytest.approx(lived[:3]) and lived[0] < 1.0
+
+
+def test_a_table_without_lengths_is_measured_with_those_of_its_metadata(tmp_path, capsys):
+    table, about = tmp_path / "r.csv", tmp_path / "r.csv.json"
+    called(["run", "meadow", "--ticks", "4", "--agents", "30", "--export", str(table)])
+    sizes = [float(line.rpartition(",")[2]) for line in table.read_text().splitlines()[1:]]
+    told = []
+    old = "".join(line.rpartition(",")[0] + "\n" for line in table.read_text().splitlines())
+    lengths = {"body_length": {"sheep": sum(sizes) / len(sizes)}}
+    for text, more in ((table.read_text(), {}), (old, lengths)):
+        table.write_text(text)
+        about.write_text(json.dumps(json.loads(about.read_text()) | more))
+        capsys.readouterr()
+        assert called(["measure", str(table), "--json"]) == 0
+        told.append(json.loads(capsys.readouterr().out)["mean"])
+    assert told[0] == pytest.approx(told[1])
+
+
 def test_a_damaged_table_of_a_run_is_refused_in_words(tmp_path, capsys):
     table = tmp_path / "r.csv"
     called(["run", "meadow", "--seconds", "1", "--agents", "10", "--export", str(table)])
     lines = table.read_text().splitlines()
     for damaged, said in (
         (lines[3].replace("0.000000", "up", 1), "r.csv:4: time: must be a finite number, got 'up'"),
-        ("1,2,3", "r.csv:4: has 3 cells, not 19"),
+        ("1,2,3", "r.csv:4: has 3 cells, not 20"),
     ):
         table.write_text("\n".join([*lines[:3], damaged, *lines[4:]]) + "\n")
         capsys.readouterr()

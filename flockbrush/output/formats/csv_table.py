@@ -26,7 +26,7 @@ class Csv(Exporter):
         from flockbrush.output.trajectory_table import COLUMNS
 
         self._file = open(self.temporary, "w", encoding="utf-8", newline="", buffering=1 << 20)
-        self._row = self._ROW + ",%s" * (len(COLUMNS) - self._ROW.count("%") - 1) + ",%.6f\n"
+        self._row = self._ROW + ",%s" * (len(COLUMNS) - self._ROW.count("%") - 2) + ",%.6f,%.6f\n"
         self._file.write(",".join(COLUMNS) + "\n")
 
     def take(self, moment):
@@ -35,7 +35,7 @@ class Csv(Exporter):
         from flockbrush.output.trajectory_table import quoted, table_of
 
         table, words = table_of(self.simulation, moment, self.frames)
-        for name in ("x", "y", "z", "vx", "vy", "vz", "heading", "speed", "pitch"):
+        for name in ("x", "y", "z", "vx", "vy", "vz", "heading", "speed", "pitch", "length"):
             table[name] = np.round(table[name], 6) + 0.0  # no "-0.000000"
         for name, texts in words.items():
             fields = [quoted(word) for word in texts]
