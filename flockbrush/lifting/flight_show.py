@@ -357,7 +357,7 @@ class _OfBirds(Catalogue):
 
     words = {"species": ["bird"], "brush": [""], **{name: [""] for name in LABELS}}
 
-    def note(self, world, labels=True):
+    def note(self, world, labels=LABELS):
         """Nothing comes."""
 
 

@@ -15,6 +15,7 @@ from flockbrush.engine.commands import CommandError
 from flockbrush.engine.files import output_problems, refused
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.output.exporter import exporter_of, exporters
+from flockbrush.runs.catalogue import LABELS
 from flockbrush.runs.snapshots import Sampler
 from flockbrush.runs.terminal import Stopped, say
 
@@ -78,7 +79,8 @@ class Exports:
             for path in paths:
                 kind = exporter_of(path)
                 rate = kind.fps if fps is None else fps
-                self._pairs.append((kind(path, simulation, rate, **options), Sampler(simulation, rate, kind.labels)))
+                sampler = Sampler(simulation, rate, LABELS if kind.labels else ())
+                self._pairs.append((kind(path, simulation, rate, **options), sampler))
                 with self._pairs[-1][0].naming():
                     self._pairs[-1][0].open()
         except BaseException:

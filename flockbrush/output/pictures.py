@@ -23,7 +23,7 @@ def herd_of(simulation, moment: Moment):
     from flockbrush.render.wakes import wakes_of
     from flockbrush.runs.catalogue import catalogue_of
 
-    palette, gaits = catalogue_of(simulation.world, labels=False).palette, gaits_of(simulation)
+    palette, gaits = catalogue_of(simulation.world, labels=()).palette, gaits_of(simulation)
     clip, phase = gaits.of(moment)
     flying = in_flight(moment, palette)
     danger = palette.danger.astype(bool)

@@ -50,7 +50,7 @@ def preview(brush, path, agents=200, seconds=30.0, seed=0, start="scatter", them
                 simulation.tick()
                 bar(tick)
             if tick % 2 == 0 or tick in shots:
-                recent.append(moment_of(simulation, labels=False))
+                recent.append(moment_of(simulation, labels=()))
             if tick in shots:
                 panels.append(list(recent))
     with whole(path) as temporary:

@@ -81,9 +81,8 @@ class RunTable:
             length = np.array([about.body_length.get(name, 1.0) for name in self.words["species"][rows].tolist()])
         wrap = (about.width, about.height) if about.boundary == "wrap" else None
         xyz, velocity = np.column_stack([x, y, z]), np.column_stack([u, v, w])
-        return herd_measures(
-            xyz, velocity, forward, float(length.mean()) if len(rows) else 1.0, wrap, bool(aloft.any())
-        )
+        mean = float(length.mean()) if len(rows) else 1.0
+        return herd_measures(xyz, velocity, forward, mean, wrap, bool(aloft.any()))
 
     def parts(self):
         """Counts and measures in the last frame, by species, brush and group (`flockbrush.systems.groups`)."""

@@ -25,7 +25,7 @@ WALK, RUN, FLY, GLIDE, SWIM = (CLIPS.index(name) for name in ("walk", "run", "fl
 
 def looks_of(simulation) -> list[str]:
     """The look of each species by index; those without a file look like what their brushes let them do."""
-    catalogue = catalogue_of(simulation.world, labels=False)
+    catalogue = catalogue_of(simulation.world, labels=())
     flies = catalogue.palette.flies
     guess = "bird" if len(flies) and flies.all() else "beast"
     return [getattr(asset, "look", guess) for asset in catalogue.species.values()]
@@ -115,7 +115,7 @@ class Gaits:
             clip[moves], pace[moves] = number, lengths[moves] / stride[moves]
         swims = limbs.swims[species]
         clip[swims], pace[swims] = SWIM, lengths[swims] / TAIL
-        flying = limbs.flies[species] & in_flight(moment, catalogue_of(self.world, labels=False).palette)
+        flying = limbs.flies[species] & in_flight(moment, catalogue_of(self.world, labels=()).palette)
         self._fly(moment, flying, speed, clip, pace)
         return clip, pace
 

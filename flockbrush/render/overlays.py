@@ -483,7 +483,7 @@ class Overlays:
         size = moment.length
         near = (np.abs(offset) < (reach + size)[:, None]).all(axis=1)
         near[row] = False
-        palette = catalogue_of(self.world, labels=False).palette
+        palette = catalogue_of(self.world, labels=()).palette
         if bool(palette.sees_through[moment.brush].all()):
             near[:] = False
         axis = np.where(near, 0.5 * size - moment.radius, 0.0)

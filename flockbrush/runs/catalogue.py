@@ -54,8 +54,8 @@ class Catalogue:
         self._seen: dict[str, tuple] = {}  # names of the world at the last look
         self._tables: dict[str, np.ndarray] = {}  # index in the catalogue of each of them, where that differs
 
-    def note(self, world, labels=True):
-        """Add what a world has now; this is cheaper without labels."""
+    def note(self, world, labels=LABELS):
+        """Add what a world has now, of `LABELS` only these: groups take time to find."""
         palette, fauna = world.resource(Palette), world.resource(SpeciesList)
         self.species |= dict(zip(fauna.names, fauna.assets, strict=True))
         self._brushes |= {brush.name: brush for brush in palette.brushes}
@@ -65,7 +65,8 @@ class Catalogue:
             self.palette = Palette(self._brushes.values())
         self._add("species", tuple(fauna.names))
         self._add("brush", tuple(palette.names))
-        for column, label in LABELS.items() if labels else ():
+        for column in labels:
+            label = LABELS[column]
             self._add(column, label.names(world), label.keys and label.keys(world))
 
     def _add(self, column, names, keys=None):
@@ -93,8 +94,8 @@ class Catalogue:
         return codes if table is None else table[codes].astype(codes.dtype)
 
 
-def catalogue_of(world, labels=True) -> Catalogue:
-    """The catalogue of a world, with what it has now."""
+def catalogue_of(world, labels=LABELS) -> Catalogue:
+    """The catalogue of a world, with what it has now, of `LABELS` only these."""
     catalogue = world.resource(Catalogue) if world.has(Catalogue) else world.insert(Catalogue())
     catalogue.note(world, labels)
     return catalogue

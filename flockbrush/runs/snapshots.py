@@ -76,15 +76,15 @@ def borne(simulation, moment: Moment) -> list[str]:
     return [name for name, codes in moment.labels.items() if any(words[name][k] for k in set(codes.tolist()))]
 
 
-def moment_of(simulation, labels=True) -> Moment:
-    """The animals as they are now; without labels it costs a fraction of a tick less."""
+def moment_of(simulation, labels=LABELS) -> Moment:
+    """The animals as they are now, with these of `LABELS`; groups take as long to find as a tick or longer."""
     agents = simulation.agents
     columns = {name: agents[column].copy() for name, column in _COLUMNS.items()}
     columns["leader"] = columns["leader"].astype(bool)
     catalogue = catalogue_of(simulation.world, labels)
     for name in ("species", "brush"):
         columns[name] = catalogue.codes(name, columns[name])
-    codes = {name: catalogue.codes(name, label.codes(simulation.world)) for name, label in LABELS.items() if labels}
+    codes = {name: catalogue.codes(name, LABELS[name].codes(simulation.world)) for name in labels}
     return Moment(simulation.clock.now, agents.ids.copy(), **columns, labels=codes)
 
 
@@ -147,11 +147,11 @@ class Sampler:
     ----------
     fps : float
         Moments per second.  A rate that divides the ticks per second gives the very states of the simulation.
-    labels : bool
-        Whether moments bear labels (`words_of`).
+    labels : iterable of str
+        Which of `LABELS` moments bear (`words_of`).
     """
 
-    def __init__(self, simulation, fps, labels=True):
+    def __init__(self, simulation, fps, labels=LABELS):
         self.simulation, self.fps, self.labels = simulation, float(fps), labels
         self.wrap = simulation.world.resource(Landscape).wrap
         self.taken = 0

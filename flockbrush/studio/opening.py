@@ -102,7 +102,7 @@ def try_kernels(name, seed=None):
         return
     try:
         simulation.run(2)
-        herd = herd_of(simulation, moment_of(simulation, labels=False))
+        herd = herd_of(simulation, moment_of(simulation, labels=()))
         for kind in (Painter, SpacePainter):
             kind(simulation.level, (320, 240), words=False).frame(herd, time=0.0)
     finally:

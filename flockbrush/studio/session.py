@@ -346,7 +346,7 @@ class Session(TickRunner, SessionFiles):
 
     def _look(self):
         """The world was changed from outside of its ticks: there is nothing before it to draw from."""
-        self._before, self._after = None, moment_of(self.simulation, labels=False)
+        self._before, self._after = None, moment_of(self.simulation, labels=())
 
     # branches -----------------------------------------------------------------------------
 
@@ -471,11 +471,11 @@ class Session(TickRunner, SessionFiles):
             self.editor.close_journal()
             self.timeline.give_up()
             self._note()
-        self._after = moment_of(self.simulation, labels=False)
+        self._after = moment_of(self.simulation, labels=())
 
     def _done(self):
         """Something was done: what was before it is still drawn from, and a crash cannot take it."""
-        self._after = moment_of(self.simulation, labels=False)
+        self._after = moment_of(self.simulation, labels=())
         self.timeline.flush()
 
     # numbers --------------------------------------------------------------------------------

@@ -182,7 +182,7 @@ class TickRunner:
         """One tick more; whether it came to its end."""
         try:
             self._timeline.step()
-            lived.before, lived.after = lived.after, moment_of(self._timeline.simulation, labels=False)
+            lived.before, lived.after = lived.after, moment_of(self._timeline.simulation, labels=())
             self._profile.passed(self._timeline.simulation.schedule)
         except BaseException as error:  # noqa: BLE001  raised again where somebody hears of it
             lived.error = error

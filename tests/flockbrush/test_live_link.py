@@ -29,6 +29,7 @@ from flockbrush.output.live import link as live_link
 from flockbrush.output.live.frame import COLUMNS, FrameError, pack, unpack
 from flockbrush.output.live.serving import Serving
 from flockbrush.runs import run as running
+from flockbrush.runs.catalogue import LABELS, Label
 from flockbrush.runs.snapshots import moment_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -140,6 +141,17 @@ class TestWatching:
             assert np.array_equal(seen["id"], now.ids)
             assert np.allclose(seen["xyz"], now.xyz, atol=1e-4)
             assert seen["tick"] == served.simulation.clock.tick
+
+    def test_groups_which_no_frame_has_are_not_looked_for(self, monkeypatch):
+        def looked_for(world):
+            raise AssertionError
+
+        monkeypatch.setitem(LABELS, "group", Label(looked_for, looked_for))
+        with serving() as served, client(served) as connection:
+            told = [json.loads(connection.recv(timeout=10)) for _ in range(3)]
+            assert set(told[1]) == {"type", "species", "brush", "state"}
+            assert ask(connection, play=False)["type"] == "done"
+            assert len(frame(connection)["id"]) == len(served.simulation.agents)
 
     def test_frames_between_two_ticks_are_on_the_way(self):
         with serving(fps=60) as served, client(served) as connection:

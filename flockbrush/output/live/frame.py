@@ -36,6 +36,8 @@ COLUMNS = (
     ("flags", "<u2", 1, "1: a leader"),
 )
 
+LABELLED = ("state",)  # the labels of moments that are in frames
+
 
 class FrameError(ValueError):
     """These bytes are no frame; the text says why."""

@@ -8,7 +8,8 @@ from typing import Any
 
 from flockbrush.engine.commands import from_json
 from flockbrush.levels.geometry import sign_of
-from flockbrush.runs.snapshots import words_of
+from flockbrush.output.live.frame import LABELLED
+from flockbrush.runs.catalogue import catalogue_of
 from flockbrush.systems.landscape import Landscape
 
 PROTOCOL = 1
@@ -98,8 +99,8 @@ def hello(simulation, fps):
 
 def names(simulation):
     """The message with the names behind the indices in frames."""
-    words = words_of(simulation)
-    return {"type": "names", **{key: list(words.get(key, [])) for key in ("species", "brush", "state")}}
+    words = catalogue_of(simulation.world, LABELLED).words
+    return {"type": "names", **{key: list(words[key]) for key in ("species", "brush", *LABELLED)}}
 
 
 def place(simulation):

@@ -9,7 +9,7 @@ import time
 from flockbrush.engine import limits
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.levels.steps import UndoStack
-from flockbrush.output.live.frame import pack
+from flockbrush.output.live.frame import LABELLED, pack
 from flockbrush.output.live.link import Link
 from flockbrush.output.live.messages import hello, names, place
 from flockbrush.runs.snapshots import between, moment_of
@@ -45,9 +45,12 @@ class Serving:
         self.unrecorded = False  # commands since the last tick
         self._texts = self._described()
         self.link = Link(host, port, lambda: list(self._texts.values()), token)
-        self._moments = [moment_of(simulation)] * 2
+        self._moments = [self._moment()] * 2
         self._made = time.time()
         self._looked = time.monotonic()
+
+    def _moment(self):
+        return moment_of(self.simulation, LABELLED)
 
     def _described(self):
         messages = hello(self.simulation, self.fps), names(self.simulation), place(self.simulation)
@@ -83,7 +86,7 @@ class Serving:
         self._made = time.time()
         self.unrecorded = False
         self.after_tick()
-        self._moments = [self._moments[1], moment_of(self.simulation)]
+        self._moments = [self._moments[1], self._moment()]
 
     def show(self, tick_due):
         """Send a frame with the animals."""
@@ -144,4 +147,4 @@ class Serving:
                 self.steps.push(back)
             self.unrecorded = True
         if not self.playing:
-            self._moments = [moment_of(self.simulation)] * 2
+            self._moments = [self._moment()] * 2
