@@ -5,34 +5,39 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.observations import Evidence
 from flockbrush.film.open_clip import Looking, look_at
 from flockbrush.lifting.flight_show import Show
-from flockbrush.lifting.flight_table import read_flight, table_header
+from flockbrush.lifting.flight_table import PLACES, read_flight, table_header
 from flockbrush.lifting.lift_solver import LiftedFlight
+from flockbrush.output.run_table import read_run_table
 
-FLAT = 0.01  # m: animals that are never higher walk
+FLAT = 0.01  # m: what is never higher does not fly
 UNSIZED = 1.0  # m: the drawn body length if the tracks do not give one
 
 
 class GroundShow(Show):
-    """Animals that walk or swim: bodies without wings, at height 0.
+    """Animals of which some walk or swim: bodies without wings.
 
     Parameters
     ----------
     evidence : Evidence
         Of tracks.
+    flight : LiftedFlight, optional
+        The same animals in space, for their heights; 0 without it.
     """
 
     animal, sized_by, floor = "animal", "Body length", 0.0
 
-    def __init__(self, evidence: Evidence):
+    def __init__(self, evidence: Evidence, flight: LiftedFlight | None = None):
         self.evidence = evidence
         self.length = evidence.body_length_px if evidence.length_unit == "m" else UNSIZED
-        super().__init__(_flat(evidence, self.length), evidence.name, span=self.length)
+        heights = np.zeros(len(evidence.sightings.xy)) if flight is None else _heights(evidence, self.length, flight)
+        super().__init__(_placed(evidence, self.length, heights), evidence.name, span=self.length)
         self._face()
 
     def _face(self):
@@ -50,11 +55,23 @@ class GroundShow(Show):
         return herd._replace(length=self.span, radius=radius, wings=None, up=upright)
 
 
-def _flat(evidence, length):
+def _heights(evidence, length, flight):
+    """(m,) m: height of each sighting, that of the nearest animal of its frame."""
+    heights = np.zeros(len(evidence.sightings.xy))
+    for t, frame in enumerate((evidence.fields.frames - flight.first).tolist()):
+        rows, places = evidence.sightings.of(t), flight.xyz[frame]
+        places = places[np.isfinite(places[:, 0])]
+        if len(places):
+            nearest = cKDTree(places[:, :2]).query(evidence.sightings.xy[rows] * length)[1]
+            heights[rows] = places[nearest, 2]
+    return heights
+
+
+def _placed(evidence, length, heights):
     sightings = evidence.sightings
     count = int(sightings.track.max()) + 1
     xyz = np.full((len(sightings), count, 3), np.nan)
-    xyz[sightings.frame, sightings.track] = np.column_stack([sightings.xy * length, np.zeros(len(sightings.xy))])
+    xyz[sightings.frame, sightings.track] = np.column_stack([sightings.xy * length, heights])
     return LiftedFlight(
         xyz, np.linalg.norm(xyz, axis=-1), np.arange(count), int(evidence.fields.frames[0]), evidence.fps
     )
@@ -63,7 +80,7 @@ def _flat(evidence, length):
 def open_show(path, camera=None, looking: Looking | None = None) -> Show:
     """What a file of tracks shows: a flight, birds lifted by a camera, or animals on the ground.
 
-    A table of Flockbrush in which no animal leaves the ground is shown as animals on the ground.
+    A table of a run in which some animal never flies is shown as animals on the ground (`is_flight`).
 
     Raises
     ------
@@ -86,14 +103,27 @@ def open_show(path, camera=None, looking: Looking | None = None) -> Show:
         )
     if looking.unit is None and looking.body_length_px is not None:
         looking = replace(looking, unit="px")
-    return GroundShow(look_at(path, looking))
+    evidence = look_at(path, looking)
+    in_space = table and header >= set(PLACES) and evidence.length_unit == "m"
+    return GroundShow(evidence, read_flight(path) if in_space else None)
 
 
 def is_flight(path) -> bool:
-    """Whether a file is a table of places in space, and some animal in it is above the ground."""
-    if not str(path).lower().endswith(".csv") or "z" not in table_header(path):
+    """Whether a file is a table of places in space in which all animals fly.
+
+    The metadata of a run say which brushes fly; an animal need not do so all the time.  Without them a table with banks
+    is a flight, as is one without brushes in which some animal is above the ground.
+    """
+    header = table_header(path) if str(path).lower().endswith(".csv") else set()
+    if "z" not in header:
         return False
     try:
+        run = read_run_table(path)
+        if run is not None:
+            animals = run.numbers["id"]
+            return bool(np.isin(animals, animals[np.isin(run.words["brush"], run.about.flying)]).all())
+        if "brush" in header:
+            return "bank" in header
         return bool(np.nanmax(np.abs(read_flight(path).xyz[..., 2])) >= FLAT)
     except ProblemsError:
         return True  # whoever opens it says what is wrong

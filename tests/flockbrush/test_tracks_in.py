@@ -501,6 +501,36 @@ def test_animals_on_the_ground_have_no_wings_and_stand_on_it(circling):
     assert "animals" in show.facts(20)[0]
 
 
+def test_a_herd_below_birds_is_no_flight(tmp_path, capsys):
+    from flockbrush.lifting.ground_show import GroundShow, is_flight, open_show
+
+    table, about = tmp_path / "r.csv", tmp_path / "r.csv.json"
+    assert called(["run", "ridge", "--ticks", "12", "--agents", "30", "--export", str(table)]) == 0
+    for _ in range(2):  # the second time without metadata
+        show = open_show(table)
+        assert type(show) is GroundShow and show.herd(3).wings is None
+        rows = [line.split(",") for line in table.read_text().splitlines()[1:]]
+        heights = sorted(float(row[5]) for row in rows if row[0] == "5")
+        assert max(heights) > 0.5 > min(heights) and sorted(show.herd(5).xy[:, 2]) == pytest.approx(heights)
+        about.unlink(missing_ok=True)
+    capsys.readouterr()
+    assert called(["export", str(table), "--to", str(tmp_path / "x.csv")]) == 1
+    assert "r.csv" in capsys.readouterr().err and not (tmp_path / "x.csv").exists()
+    head, first, *rest = [line.rpartition(",")[0] for line in table.read_text().splitlines()]
+    table.write_text("\n".join([f"{head},bank", *(f"{row},0" for row in (first, *rest))]))
+    assert is_flight(table)
+
+
+def test_a_run_in_which_animals_fly_is_a_flight_at_any_height(tmp_path):
+    from flockbrush.lifting.ground_show import is_flight
+
+    table = tmp_path / "g.csv"
+    assert called(["run", "geese", "--ticks", "1", "--export", str(table)]) == 0
+    rows = [line.split(",") for line in table.read_text().splitlines()]
+    table.write_text("\n".join(",".join([*row[:5], row[5] if k == 0 else "0", *row[6:]]) for k, row in enumerate(rows)))
+    assert is_flight(table)
+
+
 def test_reenact_takes_tracks(circling, tmp_path, capsys):
     out = tmp_path / "again.csv"
     command = ["reenact", str(circling), "--brush", "swarm", "--unit", "m", "--fps", "10", "--body-length-m", "0.5"]
