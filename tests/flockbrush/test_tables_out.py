@@ -6,8 +6,12 @@ import sqlite3
 import numpy as np
 import pytest
 from flockbrush.components import Position
+from flockbrush.engine.commands import Commands
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.obstacle_commands import AddObstacle, MoveObstacle
 
 import flockbrush
+from flockbrush.output.export import Exports
 from flockbrush.runs.run import start
 
 
@@ -42,6 +46,30 @@ def test_pedpy_opens_the_database(cli, recording, tmp_path, lived):
     last = tracks.data[tracks.data.frame == 20].sort_values("id")
     assert np.array_equal(last[["x", "y"]].to_numpy(), lived.agents[Position.xyz][:, :2])
     assert area.area == pytest.approx(40 * 30 - 4 * 4)  # the pen without its stone
+
+
+def test_the_walkable_area_of_a_frame_is_without_the_obstacles_of_then(level, tmp_path):
+    shapely = pytest.importorskip("shapely")
+    simulation = start(level)
+    (stone,) = [b.name for b in simulation.world.resource(Landscape).obstacles]
+    box = [[5.0, 5.0], [7.0, 5.0], [7.0, 7.0], [5.0, 7.0]]
+    commands = simulation.world.resource(Commands)
+    commands.submit(AddObstacle("new", box), 2)
+    commands.submit(MoveObstacle(stone, 30.0, 20.0), 3)
+    with Exports([tmp_path / "a.sqlite"], simulation, 32) as exports:
+        exports.take()
+        for _ in range(5):
+            simulation.tick()
+            exports.take()
+    base = sqlite3.connect(tmp_path / "a.sqlite")
+    query = "SELECT geometry_hash, wkt FROM frame_data JOIN geometry ON hash = geometry_hash ORDER BY frame"
+    hashes, texts = zip(*base.execute(query).fetchall(), strict=True)
+    base.close()
+    assert hashes == (1, 1, 1, 2, 3, 3)
+    areas = [shapely.from_wkt(text) for text in texts]
+    whole = 40 * 30 - 4 * 4
+    assert [area.area for area in areas[::2]] == pytest.approx([whole, whole, whole - 4])
+    assert not areas[-1].contains(shapely.Point(30, 20)) and areas[0].contains(shapely.Point(30, 20))
 
 
 def test_netcdf_has_movements_layout(cli, recording, tmp_path, lived):

@@ -20,7 +20,7 @@ CREATE TABLE frame_data (frame INTEGER NOT NULL, geometry_hash INTEGER NOT NULL)
 
 @exporter(".sqlite")
 class Sqlite(Exporter):
-    """A database in JuPedSim's layout; the geometry is the level without its obstacles."""
+    """A database in JuPedSim's layout; the geometry of a frame is the level without the obstacles it has then."""
 
     contents = "trajectories and walkable area (WKT) in JuPedSim's schema, metres"
     opens_in = "PedPy, JuPedSim, DB Browser for SQLite"
@@ -28,11 +28,14 @@ class Sqlite(Exporter):
     needs = (("shapely", "shapely"),)
 
     def open(self):
+        from flockbrush.render.scenery import Scenery
+
         self.temporary.unlink(missing_ok=True)
         self._base = sqlite3.connect(self.temporary)
         self._base.executescript(SCHEMA)
-        self._hash, text = 1, walkable(self.simulation)
-        self._base.execute("INSERT INTO geometry VALUES (?, ?)", (self._hash, text))
+        self._scenery = Scenery(self.simulation)
+        self._outlines, self._hash = None, 0
+        self._areas: dict[str, int] = {}  # hash by WKT
         self._known: dict[tuple, int] = {}
 
     def take(self, moment):
@@ -50,8 +53,20 @@ class Sqlite(Exporter):
         ahead, aside = ([way[k] / way[2] for way in ways] for k in (0, 1))
         rows = zip([self.frames] * len(moment), moment.ids.tolist(), x, y, ahead, aside, z, numbers, strict=True)
         self._base.executemany("INSERT INTO trajectory_data VALUES (?, ?, ?, ?, ?, ?, ?, ?)", rows)
-        self._base.execute("INSERT INTO frame_data VALUES (?, ?)", (self.frames, self._hash))
+        self._base.execute("INSERT INTO frame_data VALUES (?, ?)", (self.frames, self._geometry()))
         self.frames += 1
+
+    def _geometry(self):
+        """Hash of the walkable area there is now: a row of the table ``geometry`` for each that is new."""
+        barriers = [o.polygon for o in self._scenery.obstacles if o.solid and o.on_the_ground]
+        outlines = [outline.tobytes() for outline in barriers]
+        if outlines != self._outlines:
+            self._outlines, area = outlines, walkable(self.simulation, barriers)
+            if area not in self._areas:
+                self._areas[area] = len(self._areas) + 1
+                self._base.execute("INSERT INTO geometry VALUES (?, ?)", (self._areas[area], area))
+            self._hash = self._areas[area]
+        return self._hash
 
     def _number(self, names):
         """Number of a set of names that an animal bears: rows of the table ``names``."""
@@ -84,16 +99,14 @@ class Sqlite(Exporter):
         self._base.close()
 
 
-def walkable(simulation) -> str:
-    """WKT of the level without its obstacles: the part in which most animals are, where they divide it."""
+def walkable(simulation, barriers) -> str:
+    """WKT of the level without obstacles, (k, 2) m each: the part with most animals, where they divide it."""
     import shapely
 
     from flockbrush.components import Position
-    from flockbrush.render.scenery import Scenery
 
     level = simulation.level
-    barriers = [o for o in Scenery(simulation).obstacles if o.solid and o.on_the_ground]
-    stones = [shapely.Polygon(o.polygon).buffer(0) for o in barriers]
+    stones = [shapely.Polygon(outline).buffer(0) for outline in barriers]
     whole = shapely.box(0, 0, level.width, level.height)
     left = whole.difference(shapely.union_all(stones)) if stones else whole
     parts = [part for part in shapely.get_parts(left) if part.area > 0]
