@@ -77,7 +77,8 @@ class Exporter:
     def __init__(self, path, simulation, fps, **options):
         self.path, self.simulation, self.fps = Path(path), simulation, float(fps)
         self.options = {option.name: option.default for option in self.choices}
-        self.options |= {name: value for name, value in options.items() if value is not None}
+        known = {*self.options, "source"}  # of the recording that is exported
+        self.options |= {name: value for name, value in options.items() if value is not None and name in known}
         self.frames = 0
         self.replaces = self.path.exists()  # an earlier file of this name
         self._work = hold(path)

@@ -78,6 +78,22 @@ def test_a_picture_whose_number_is_taken_meanwhile_is_not_overwritten(recording,
     assert [path.name for path in tmp_path.iterdir()] == ["s.0000.png"]
 
 
+def test_frames_of_a_program_that_was_killed_are_cleared(level, tmp_path):
+    from flockbrush.engine.files import clear_leftovers
+
+    from flockbrush.output.formats.picture_sequence import PngSequence
+    from flockbrush.runs.snapshots import moment_of
+
+    simulation = start(level)
+    made = PngSequence(tmp_path / "s.####.png", simulation, 4, size=(64, 48))
+    made.open()
+    made.take(moment_of(simulation))
+    assert any(tmp_path.rglob("*.png"))
+    made._work._lock.file.close()  # as when the program is no more
+    clear_leftovers(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_clean_picture_has_no_words_guides_and_trails(cli, recording, tmp_path):
     for name, more in (("a.png", ()), ("b.png", ("--no-overlays",))):
         assert cli("export", recording, "--to", tmp_path / name, "--fps", 8, "--size", "800x600", *more).code == 0
@@ -114,6 +130,16 @@ def test_alpha_is_opaque_on_animals_and_clear_elsewhere(cli, level, tmp_path, vi
         camera = painter_of(simulation, (640, 480), clean=True).camera
         at = camera.pixels(simulation.agents[Position.xyz][:, :2]).astype(int)
         assert (picture[at[:, 1], at[:, 0], 3] > 200).all()  # everybody is there
+
+
+def test_alpha_of_a_sequence_leaves_other_pictures_as_they_are(level, tmp_path):
+    from flockbrush.output.export import Exports
+
+    for names, alpha in ((["a.png"], False), (["b.png", "s.####.png"], True)):
+        with Exports([tmp_path / name for name in names], start(level), 4, size=(320, 240), alpha=alpha) as exports:
+            exports.take()
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert cv2.imread(str(tmp_path / "s.0000.png"), cv2.IMREAD_UNCHANGED).shape[2] == 4
 
 
 def test_alpha_is_for_pictures_that_can_have_it(cli, recording, tmp_path):

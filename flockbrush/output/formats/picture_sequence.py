@@ -31,16 +31,11 @@ class PngSequence(Pictures):
             problems.append(f"{taken[0]} already exists; choose another name, or an empty folder")
         return problems
 
-    def open(self):
-        super().open()
-        self._folder = self.temporary.parent / "frames"
-        self._folder.mkdir(exist_ok=True)
-
     def take(self, moment):
         from flockbrush.render.picture_files import png_bytes
 
         picture = self.cut_out(moment) if self.options["alpha"] else self.draw(moment)
-        (self._folder / f"{self.frames}.png").write_bytes(png_bytes(picture))
+        self._frame(self.frames).write_bytes(png_bytes(picture))
         self.frames += 1
 
     def close(self):
@@ -49,15 +44,12 @@ class PngSequence(Pictures):
         if taken := [str(target) for target in targets if target.exists()]:
             raise FileExistsError(17, "a picture with this number already exists", taken[0])
         for frame, target in enumerate(targets):
-            os.replace(self._folder / f"{frame}.png", target)
-        self.let_go()
+            os.replace(self._frame(frame), target)
         self._work.close()
 
-    def let_go(self):
-        if self._folder.is_dir():
-            for picture in self._folder.iterdir():
-                picture.unlink()
-            self._folder.rmdir()
+    def _frame(self, number):
+        """Where a picture is until all have their names."""
+        return self.temporary.with_name(f"frame-{number}.png")
 
 
 def numbered(path, frame) -> Path:
