@@ -37,6 +37,7 @@ def herd():
 
 while live_herd.link.frame is None:
     time.sleep(0.05)
+drawn_again = live_herd.refresh()
 ids_before, before = herd()
 steered = bpy.ops.flockbrush.steer()
 time.sleep(6)
@@ -49,6 +50,7 @@ looks = after[are][:, 0, :2] - after[are][:, 1:, :2].mean(1)
 told = {
     "refused": refused,
     "connected": str(connected),
+    "drawn_again": drawn_again,
     "steered": str(steered),
     "animals": [len(ids), len(after)],
     "nearer": float((np.sort(ways[0])[:5] - np.sort(ways[1])[:5]).mean()),

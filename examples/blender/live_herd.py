@@ -26,16 +26,24 @@ COLUMNS = (
 BODY = np.array([(0.5, 0, 0.15), (-0.5, 0.2, 0), (-0.5, -0.2, 0), (-0.5, 0, 0.4)])  # a wedge that looks along +x
 SIDES = np.array([(0, 1, 3), (0, 3, 2), (1, 2, 3), (0, 2, 1)])
 TEXT, BYTES, CLOSE, PING, PONG = 1, 2, 8, 9, 10
+RETRY = 1.0  # s until a link that was closed is opened again
 
 
 class LiveThread(threading.Thread):
-    """A WebSocket client of the standard library: Blender's Python has no other."""
+    """A WebSocket client of the standard library (Blender's Python has no other), connected until it is closed here."""
 
     def __init__(self, address):
         super().__init__(daemon=True)
-        where = urlsplit(address.strip())
+        self.where = where = urlsplit(address.strip())
         if where.scheme != "ws" or not where.hostname or not where.port:
             raise ValueError("an address is what flockbrush serve prints, such as ws://127.0.0.1:8765/?token=...")
+        self.frame, self.names, self.asked, self.ended = None, {}, 0, threading.Event()
+        self.open()
+        self.start()
+
+    def open(self):
+        """Connect; OSError says why that fails."""
+        where = self.where
         self.socket = socket.create_connection((where.hostname, where.port), timeout=5)
         key = base64.b64encode(os.urandom(16)).decode()
         wish = f"GET {where.path or '/'}?{where.query} HTTP/1.1\r\nHost: {where.netloc}\r\nUpgrade: websocket\r\n"
@@ -49,31 +57,41 @@ class LiveThread(threading.Thread):
         if not answer.startswith("HTTP/1.1 101"):
             text = "text/plain" in headers.get("content-type", "")
             said = self.stream.readline().decode(errors="replace").strip() if text else ""
-            self.close()
+            self.shut()
             raise ConnectionError(said or "this port is not one of flockbrush serve")
         self.socket.settimeout(None)
-        self.frame, self.names, self.asked = None, {}, 0
-        self.start()
+        self.status = "connected"
 
     def run(self):
-        try:
-            while True:
-                kind, data = self.read()
-                if kind == BYTES:
-                    self.frame = data
-                elif kind == PING:
-                    self.write(PONG, data)
-                elif kind == TEXT:
-                    self.take(json.loads(data))
-                elif kind == CLOSE:
-                    break
-        except (OSError, ValueError):  # the server has gone, or the link was closed here
-            pass
-        self.close()
+        act = self.hear
+        while not self.ended.is_set():
+            try:
+                act()
+                act = self.hear
+            except (OSError, ValueError) as error:
+                self.status, act = f"closed, trying again: {error}", self.open
+                self.shut()
+                self.ended.wait(RETRY)
+        self.shut()
+
+    def hear(self):
+        kind, data = self.read()
+        if kind == BYTES:
+            self.frame = data
+        elif kind == PING:
+            self.write(PONG, data)
+        elif kind == TEXT:
+            self.take(json.loads(data))
+        elif kind == CLOSE:
+            raise ConnectionError(data[2:].decode(errors="replace") or "the server has closed the link")
 
     def close(self):
+        self.ended.set()
+        self.shut()
+
+    def shut(self):
         with contextlib.suppress(OSError):
-            self.socket.shutdown(socket.SHUT_RDWR)  # ends the thread, too
+            self.socket.shutdown(socket.SHUT_RDWR)  # ends what is being read, too
         self.socket.close()
 
     def take(self, message):
@@ -115,7 +133,7 @@ class LiveThread(threading.Thread):
         return columns
 
 
-link = None
+link, shown = None, ""
 
 
 def herd_mesh():
@@ -150,8 +168,11 @@ def draw(animals):
 
 def refresh():
     """Draw the newest frame; Blender's timer calls this."""
-    if link is None or not link.is_alive():
-        return None
+    global shown
+    if link.status != shown:
+        shown = link.status
+        for area in (area for window in bpy.context.window_manager.windows for area in window.screen.areas):
+            area.tag_redraw()  # the panel shows it
     animals = link.animals()
     if animals is not None:
         draw(animals)
@@ -179,7 +200,7 @@ class ConnectHerd(bpy.types.Operator):
         except (OSError, ValueError) as error:
             self.report({"ERROR"}, f"no live link there: {error}")
             return {"CANCELLED"}
-        bpy.app.timers.register(refresh)
+        bpy.app.timers.register(refresh, persistent=True)  # also after another file was opened
         return {"FINISHED"}
 
 
@@ -212,6 +233,7 @@ class HerdPanel(bpy.types.Panel):
     def draw(self, context):
         self.layout.prop(context.scene, "flockbrush_address")
         self.layout.operator("flockbrush.connect")
+        self.layout.label(text=link.status if link is not None and link.is_alive() else "not connected")
         self.layout.operator("flockbrush.steer")
 
 

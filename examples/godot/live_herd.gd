@@ -11,6 +11,7 @@ signal told(message: Dictionary)  # every text of the server: hello, names, plac
 
 const HEADER := 32  # bytes
 const ROW := 40  # bytes of each animal
+const RETRY := 1.0  # seconds until a link that was closed is opened again
 
 @export var address := "ws://127.0.0.1:8765/?token="
 @export var body: Mesh
@@ -21,6 +22,8 @@ var names := {}  # species, brush, state: what the numbers mean
 var _socket := WebSocketPeer.new()
 var _herd := MultiMeshInstance3D.new()
 var _asked := 0
+var _closed := false
+var _wait := RETRY
 
 
 func _ready() -> void:
@@ -29,20 +32,36 @@ func _ready() -> void:
 	_herd.multimesh.use_colors = true
 	_herd.multimesh.mesh = body if body else _wedge()
 	add_child(_herd)
+	connect_to(address)
+
+
+# Opens the link, or opens it again; while it is closed this is tried every second.
+func connect_to(where: String) -> void:
+	address = where
+	_wait = RETRY
+	_socket = WebSocketPeer.new()
 	_socket.inbound_buffer_size = 1 << 24
 	_socket.outbound_buffer_size = 1 << 20
 	var failed := _socket.connect_to_url(address)
 	if failed != OK:
 		push_error("no live link at %s: error %d" % [address, failed])
+	set_process(failed == OK)
 
 
-func _process(_delta: float) -> void:
+func _process(delta: float) -> void:
 	_socket.poll()
-	if _socket.get_ready_state() == WebSocketPeer.STATE_CLOSED:
-		var reason := _socket.get_close_reason()
-		push_error("the live link is closed: %d %s" % [_socket.get_close_code(), reason])
-		set_process(false)
+	var state := _socket.get_ready_state()
+	if state == WebSocketPeer.STATE_CLOSED:
+		if not _closed:
+			var reason := _socket.get_close_reason()
+			push_warning("the live link is closed: %d %s" % [_socket.get_close_code(), reason])
+		_closed = true
+		_wait -= delta
+		if _wait <= 0.0:
+			connect_to(address)
 		return
+	if state == WebSocketPeer.STATE_OPEN:
+		_closed = false
 	var newest := PackedByteArray()
 	while _socket.get_available_packet_count() > 0:
 		var packet := _socket.get_packet()

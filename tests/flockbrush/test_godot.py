@@ -1,7 +1,9 @@
 """The scripts for Godot 4, run in Godot itself."""
 
 import json
+from contextlib import ExitStack
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 import cv2
 import numpy as np
@@ -34,6 +36,7 @@ LIVE = """extends Node
 var herd: Node
 var started := false
 var count := 0
+var hellos := 0
 func _ready() -> void:
 	herd = get_node("../Herd")
 	herd.told.connect(heard)
@@ -42,6 +45,9 @@ func _ready() -> void:
 	camera.position = Vector3(60, 40, 10)
 	camera.look_at(Vector3(60, 0, -40))
 func heard(message: Dictionary) -> void:
+	if message["type"] == "hello":
+		hellos += 1
+		print("HELLO", hellos, " ", message["level"])
 	if message["type"] in ["done", "error"]:
 		print("ANSWER ", JSON.stringify(message))
 func _process(_delta: float) -> void:
@@ -108,3 +114,15 @@ def test_a_live_herd_is_drawn_and_steered_in_godot(tmp_path):
     near = sorted(begun["ids"], key=lambda animal: np.linalg.norm(where["begun"][animal] - goal))[:6]
     way = [np.linalg.norm(where["begun"][a] - goal) - np.linalg.norm(where["later"][a] - goal) for a in near]
     assert np.mean(way) > 0.5  # m nearer to where they were sent
+
+
+def test_a_live_herd_comes_back_when_the_server_has_closed_the_link(tmp_path):
+    with ExitStack() as served:
+        first = served.enter_context(serving(agents=20))
+        where = urlsplit(first.link.address)
+        with running_godot(tmp_path, EXAMPLES / "live_herd.gd", LIVE, f'address = "{first.link.address}"') as godot:
+            godot.told("HELLO1")
+            served.close()
+            with serving(agents=20, port=where.port, token=parse_qs(where.query)["token"][0]):
+                assert godot.told("HELLO2")
+            assert "the live link is closed" in str(godot.complaints())

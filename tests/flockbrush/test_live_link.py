@@ -1,5 +1,6 @@
 """The live link: what a client sees and steers is the herd, and no client harms another or the herd."""
 
+import importlib.util
 import json
 import os
 import signal
@@ -10,6 +11,8 @@ import threading
 import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pytest
@@ -387,7 +390,7 @@ class TestCommandLine:
 class TestExamples:
     @pytest.mark.parametrize("name", ["blender/live_herd.py", "godot/live_herd.gd"])
     def test_each_is_short(self, name):
-        assert len((EXAMPLES / name).read_text().splitlines()) <= 240
+        assert len((EXAMPLES / name).read_text().splitlines()) <= 250
 
     def test_the_script_for_godot_knows_the_bytes_of_a_frame(self):
         text = (EXAMPLES / "godot/live_herd.gd").read_text()
@@ -397,6 +400,32 @@ class TestExamples:
         assert f"HEADER + {ends['id']} * count, HEADER + {ends['xyz']} * count" in text
         assert f"HEADER + {ends['xyz']} * count, HEADER + {ends['length']} * count" in text
         assert f"var brush_at := HEADER + {ends['species']} * count" in text
+
+    def test_the_add_on_connects_again_when_the_server_has_closed_the_link(self, monkeypatch):
+        """Without Blender, of which it only asks for classes here."""
+        types = SimpleNamespace(Operator=object, Panel=object)
+        monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace(types=types))
+        spec = importlib.util.spec_from_file_location("live_herd", EXAMPLES / "blender/live_herd.py")
+        live_herd = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(live_herd)
+        monkeypatch.setattr(live_herd, "RETRY", 0.05)
+
+        def until(what):
+            end = time.monotonic() + 10
+            while not what() and time.monotonic() < end:
+                time.sleep(0.02)
+            return what()
+
+        with serving(agents=20) as served:
+            link, where = live_herd.LiveThread(served.link.address), urlsplit(served.link.address)
+            assert until(lambda: link.frame) and link.status == "connected"
+        assert until(lambda: link.status.startswith("closed, trying again: "))
+        link.frame = None
+        with serving(agents=20, port=where.port, token=parse_qs(where.query)["token"][0]):
+            assert until(lambda: link.frame) and link.status == "connected"
+            link.close()
+            link.join(5)
+        assert not link.is_alive()
 
     @pytest.mark.tools
     @pytest.mark.skipif(blender_python() is None, reason=WITHOUT_BLENDER)
@@ -408,6 +437,7 @@ class TestExamples:
         told = json.loads(done.stdout.split("TOLD")[1])
         assert "the token is wrong or missing" in told["refused"]
         assert (told["connected"], told["steered"]) == ("{'FINISHED'}", "{'FINISHED'}")
+        assert told["drawn_again"] == pytest.approx(1 / 30)
         assert told["animals"][0] == told["animals"][1] >= 50  # one body for each; some may leave
         assert told["left"]
         assert told["nearer"] > 1 and told["ahead"] > 0.7
