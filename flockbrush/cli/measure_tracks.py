@@ -131,9 +131,10 @@ def _of_table(path, table, every):
     """The same of the table of a run, with the parts of its last frame."""
     notes = []
     if table.empty:
+        beside = f"remove {Path(path).name}.json and " if Path(f"{path}.json").is_file() else ""
         notes.append(
             f"{table.empty} of {len(table)} frames have no animals, and count as such; if rows were taken out of the "
-            f"table, remove {Path(path).name}.json and give --unit m"
+            f"table, {beside}give --unit m"
         )
     about = {
         "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest(), "fps": table.about.fps, "unit": "m",

@@ -236,7 +236,7 @@ def _parquet(path):
         column_names = {kind: schema.names[at] for kind, at in where.items() if at is not None}
         if "heading" in header:
             column_names["heading"] = schema.names[header.index("heading")]
-        _check_parquet(path, file.metadata, set(column_names.values()))
+        check_parquet(path, file.metadata, set(column_names.values()))
     with parquet.ParquetFile(path, read_dictionary=[column_names["id"]]) as file:  # long names are unpacked once
         data = file.read(columns=list(dict.fromkeys(column_names.values())))
     columns = {kind: _column(data[name]) for kind, name in column_names.items() if kind not in ("id", "visible")}
@@ -250,7 +250,7 @@ def _parquet(path):
     return table
 
 
-def _check_parquet(path, about, names):
+def check_parquet(path, about, names):
     """ProblemsError unless the columns of these names are small enough to be unpacked."""
     groups = [about.row_group(k) for k in range(about.num_row_groups)]
     if max(about.num_rows, sum(group.num_rows for group in groups)) > limits.TRACK_ROWS:

@@ -14,8 +14,8 @@ from flockbrush.engine.files import refused
 
 SCHEMA = "flockbrush.trajectory/1"  # of tables of runs
 WRAPPED = (
-    "the level of this run is wrapped: across its edges distances are too large; measure its recording, or its CSV "
-    "without options"
+    "the level of this run is wrapped: across its edges distances are too large; measure its recording, or its .csv "
+    "or .parquet without options"
 )
 EARTH = 111_319.49079327358  # m of a degree at the equator
 SAME_RATE = 0.01  # of a rate: what a person or another file says may be off from the file's by so much

@@ -352,7 +352,8 @@ class _OfBirds(Catalogue):
     """One species and one brush without a name, which flies."""
 
     def __init__(self):
-        self.palette = SimpleNamespace(names=[""], brushes=[], flies=np.array([True]), grounded=np.array([False]))
+        flies, grounded = np.array([True]), np.array([False])
+        self.palette = SimpleNamespace(names=[""], brushes=[], flies=flies, flies_free=flies, grounded=grounded)
         self.species = {"bird": SimpleNamespace(look="bird")}
 
     words = {"species": ["bird"], "brush": [""], **{name: [""] for name in LABELS}}

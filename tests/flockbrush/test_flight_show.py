@@ -11,6 +11,7 @@ from flockbrush.cli.main import called
 from flockbrush.lifting.flight_show import Show, Solver, Wanted, with_wish
 from flockbrush.lifting.flight_table import read_flight
 from flockbrush.lifting.lift_solver import LiftWish
+from flockbrush.output.run_table import read_run_table
 from tests.flock_in_v import CAMERA, SPAN, geese, seen, written
 
 
@@ -129,6 +130,8 @@ def test_a_flight_becomes_a_parquet_table_with_every_bird_of_every_frame(tmp_pat
     table = parquet.read_table(tmp_path / "flock.parquet").to_pydict()
     assert len(table["x"]) == 60 * 11 and set(table["species"]) == {"bird"}
     assert np.array(table["x"]).reshape(60, 11) == pytest.approx(show.flight.xyz[..., 0])
+    run = read_run_table(tmp_path / "flock.parquet")
+    assert len(run) == 60 and run.about.flying == [""]
 
 
 def test_a_flight_becomes_a_scene(tmp_path, show):

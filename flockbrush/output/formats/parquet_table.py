@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 from flockbrush.output.exporter import Exporter, exporter
 
 
 @exporter(".parquet")
 class Parquet(Exporter):
-    """A table for large runs: exact numbers, metadata in the schema."""
+    """A table for large runs: exact numbers, metadata in the schema and the file."""
 
     contents = "the same table as .csv with exact numbers, units in the schema"
     opens_in = "pandas, polars, DuckDB, R arrow"
@@ -51,7 +53,11 @@ class Parquet(Exporter):
         self._waiting, self._rows = [], 0
 
     def finish(self):
+        from flockbrush.output.trajectory_table import names_in_tables
+
         self._write()
+        about = {"frames": self.frames, **names_in_tables(self.simulation)}
+        self._writer.add_key_value_metadata({key: json.dumps(value) for key, value in about.items()})
         self._writer.close()
 
     def let_go(self):
