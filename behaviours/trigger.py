@@ -24,7 +24,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from flockbrush.behaviours.amounts import Amount, Dimension
-from flockbrush.behaviours.validation import bounds, shown, validated
+from flockbrush.behaviours.validation import shown, validated
 from flockbrush.engine.limits import PROGRAM_DEPTH
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.plugins import load_entry_points, load_modules
@@ -281,9 +281,6 @@ def plain(condition: Condition) -> dict[str, Any]:
     return out
 
 
-# docs ---------------------------------------------------------------------------------------
-
-
 def dimension_of(field) -> Dimension | None:
     """The dimension of a field that holds an amount."""
     for item in (*field.metadata, *_metadata(field.annotation)):
@@ -295,32 +292,6 @@ def dimension_of(field) -> Dimension | None:
 def _metadata(annotation):
     for part in (annotation, *typing.get_args(annotation)):
         yield from getattr(part, "__metadata__", ())
-
-
-def takes(field) -> str:
-    """What a field takes, in words: "a length, from 0 to 1e+06 m"."""
-    dimension = dimension_of(field)
-    if dimension is not None:
-        return f"{dimension.name}, {dimension.span}"
-    words = str(bounds(field))
-    kind = field.annotation
-    descriptions = {bool: "true or false", int: "a whole number", float: "a number", str: "a name"}
-    description = next(
-        (text for typ, text in descriptions.items() if kind is typ or typ in typing.get_args(kind)), "a name or names"
-    )
-    return f"{description}, {words}" if words else description
-
-
-def tables() -> str:
-    """The kinds of condition and their fields as a Markdown table, for the documentation."""
-    rows = ["| condition | holds when | fields |", "|---|---|---|"]
-    for word, kind in conditions().items():
-        first, *others = kind.model_fields.items()
-        parts = [f"`{word}`: {first[1].description}" + ("" if kind.inner else f" ({takes(first[1])})")]
-        parts += [f"`{name}`: {field.description} ({takes(field)})" for name, field in others]
-        meaning = " ".join((kind.__doc__ or "").split()).split(". ")[0].rstrip(".")
-        rows.append(f"| `{word}` | {meaning} | {'; '.join(parts)} |")
-    return "\n".join(rows) + "\n"
 
 
 # kernels that several kinds share -----------------------------------------------------------------

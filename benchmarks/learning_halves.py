@@ -122,8 +122,6 @@ def learned_from(clip, budget, jobs=1, model="auto"):
 
 def halves_of(name, options):
     """Return the figures of one clip."""
-    from flockbrush.film.observations import halves
-
     begun = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         evidence, film = evidence_of_clip(name, options, folder)
@@ -141,6 +139,12 @@ def halves_of(name, options):
     }  # fmt: skip
     row |= _battery_of(name, options, evidence, film, second, found, row)
     return row | _rivals_of(second, given, mine) if options.rivals else row
+
+
+def halves(evidence):
+    """Return the first half of a clip's frames, to learn from, and the rest, held out."""
+    cut = round(0.5 * len(evidence.fields))
+    return evidence.part(slice(0, cut)), evidence.part(slice(cut, None))
 
 
 def _rivals_of(second, given, mine):
@@ -170,7 +174,6 @@ def again(name, options, row):
     """Return a stored row with the battery of its parameters, and of the true model simulated again."""
     from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
 
-    from flockbrush.film.observations import halves
     from flockbrush.learning.likelihood import likelihoods
 
     with tempfile.TemporaryDirectory() as folder:

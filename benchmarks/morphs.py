@@ -22,8 +22,8 @@ from flockbrush.behaviours.mixture import STEPS, can_mix, load_path, mixed
 from flockbrush.studies.morph import (
     BEGINNINGS,
     MEASURES,
+    Measured,
     Trial,
-    errors_from_monotonic,
     faults,
     goes_back,
     measured,
@@ -42,6 +42,20 @@ def shipped_paths():
             path = load_path(file.read_bytes(), file.name)
             found[f"{path.start}--{path.end}"] = path
     return found
+
+
+def errors_from_monotonic(found: Measured) -> np.ndarray:
+    """Return (2,) least number of standard errors within which a monotonic curve passes all means.
+
+    A curve passes between two points exactly if the earlier mean less so many of its errors is not beyond the later
+    mean and as many of its own.
+    """
+    error = found.deviation / np.sqrt(found.seeds)
+    way = found.mean * np.where(found.mean[-1] >= found.mean[0], 1.0, -1.0)
+    earlier, later = np.triu_indices(len(way), 1)
+    fallen, errors = way[earlier] - way[later], error[earlier] + error[later]
+    back = fallen > 0.0
+    return np.divide(fallen, errors, out=np.where(back, np.inf, 0.0), where=back & (errors > 0.0)).max(0)
 
 
 WAYS = ("path", "straight line")

@@ -15,11 +15,12 @@ import pygame
 
 from benchmarks.lift import crossing
 from benchmarks.sky_film import film
+from docs.contact_sheet import contact_sheet
 from flockbrush.film.clip_document import Book
 from flockbrush.film.clip_frames import Film, Sky
 from flockbrush.film.landmarks import Landmark
 from flockbrush.output.pictures import herd_of, painter_of
-from flockbrush.render import Video, contact_sheet, write_png
+from flockbrush.render import Video, write_png
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
 from flockbrush.studio.film.clip_window import ClipWindow

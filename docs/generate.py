@@ -9,13 +9,15 @@ from __future__ import annotations
 import json
 import re
 import textwrap
+import typing
 from pathlib import Path
 
+from flockbrush.behaviours import validation
 from flockbrush.behaviours.behaviour import Behaviour, Parameters, behaviours
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.spec import Spec
 from flockbrush.behaviours.species import SpeciesSpec
-from flockbrush.behaviours.trigger import tables
+from flockbrush.behaviours.trigger import conditions, dimension_of
 
 DOCS = Path(__file__).parent
 WIDE = 100  # columns of prose
@@ -144,8 +146,29 @@ def with_table(text: str, table: str) -> str:
 
 
 def condition_table() -> str:
-    """The kinds of condition of programs, as a Markdown table below a marker."""
-    return f"<!-- conditions -->\n{tables().rstrip()}"
+    """The kinds of condition of programs and their fields, as a Markdown table below a marker."""
+    rows = ["<!-- conditions -->", "| condition | holds when | fields |", "|---|---|---|"]
+    for word, kind in conditions().items():
+        first, *others = kind.model_fields.items()
+        parts = [f"`{word}`: {first[1].description}" + ("" if kind.inner else f" ({_takes(first[1])})")]
+        parts += [f"`{name}`: {field.description} ({_takes(field)})" for name, field in others]
+        meaning = " ".join((kind.__doc__ or "").split()).split(". ")[0].rstrip(".")
+        rows.append(f"| `{word}` | {meaning} | {'; '.join(parts)} |")
+    return "\n".join(rows)
+
+
+def _takes(field) -> str:
+    """What a field takes, in words: "a length, from 0 to 1e+06 m"."""
+    dimension = dimension_of(field)
+    if dimension is not None:
+        return f"{dimension.name}, {dimension.span}"
+    words = str(validation.bounds(field))
+    kind = field.annotation
+    descriptions = {bool: "true or false", int: "a whole number", float: "a number", str: "a name"}
+    description = next(
+        (text for typ, text in descriptions.items() if kind is typ or typ in typing.get_args(kind)), "a name or names"
+    )
+    return f"{description}, {words}" if words else description
 
 
 def texts() -> dict[Path, str]:

@@ -1,9 +1,10 @@
-"""Draw the pictures of the README: ``python docs/pictures.py``."""
+"""Draw the pictures of the README: ``python -m docs.pictures``."""
 
 from pathlib import Path
 
+from docs.contact_sheet import contact_sheet
 from flockbrush.output.pictures import herd_of, painter_of
-from flockbrush.render import contact_sheet, write_png
+from flockbrush.render import write_png
 from flockbrush.render.style import THEMES
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of

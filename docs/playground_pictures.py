@@ -1,4 +1,4 @@
-"""Draw the pictures of the playground: ``python docs/playground_pictures.py``.  No screen is needed."""
+"""Draw the pictures of the playground: ``python -m docs.playground_pictures``.  No screen is needed."""
 
 import os
 import tempfile
@@ -13,7 +13,8 @@ import numpy as np
 import pygame
 from flockbrush.components import BrushBinding, Position
 
-from flockbrush.render import contact_sheet, write_png
+from docs.contact_sheet import contact_sheet
+from flockbrush.render import write_png
 from flockbrush.studio.app import App
 from flockbrush.studio.session import Session
 from flockbrush.studio.thumbnails import make_in_background

@@ -151,10 +151,23 @@ def _metavar(parameter) -> str:
 
 def level_classes_page() -> str:
     """Return the page of level classes, from the schema."""
-    from flockbrush.levels import schema
+    from flockbrush.levels.schema import CLASSES
 
     start = "# Level classes\n\nCustom classes and properties of the Tiled project. A property is optional unless it "
-    return f"{start}is marked as required.\n\n{schema.tables().replace('### ', '## ')}"
+    parts = [f"{start}is marked as required.\n"]
+    for c in CLASSES.values():
+        where = f"on layer `{c.home}{'*' if c.home in ('brush', 'speed') else ''}`" if c.home else "on the map"
+        parts.append(f"## {c.name}\n\n{c.use.capitalize()} {where}: {c.meaning}.\n")
+        if c.properties:
+            rows = "\n".join(map(_property_row, c.properties))
+            parts.append(f"| property | type | default | meaning |\n|---|---|---|---|\n{rows}\n")
+    return "\n".join(parts)
+
+
+def _property_row(p) -> str:
+    kind = " \\| ".join(p.values) if p.kind == "enum" else p.kind + (f", {p.unit}" if p.unit else "")
+    default = "required" if p.required else str(p.default).lower() if p.kind == "bool" else str(p.default) or "-"
+    return f"| `{p.name}` | {kind} | {default} | {p.meaning} |"
 
 
 def script_commands_page() -> str:

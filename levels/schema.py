@@ -288,24 +288,3 @@ HOMES = {c.home: c.name for c in CLASSES.values() if c.use == "object" and c.hom
 LAYER_NAMES = ("terrain", "brush", "speed", "height", *HOMES, "measure")
 IGNORED = ("notes", "decor")  # layers whose names begin so are the designer's own
 GROUP = "flockbrush"  # where a map has a group of this name, our layers are those in it
-
-
-def tables() -> str:
-    """The classes and their properties as Markdown tables, for the documentation."""
-    parts = []
-    for c in CLASSES.values():
-        where = f"on layer `{c.home}{'*' if c.home in ('brush', 'speed') else ''}`" if c.home else "on the map"
-        parts.append(f"### {c.name}\n\n{c.use.capitalize()} {where}: {c.meaning}.\n")
-        if c.properties:
-            parts.append(
-                "| property | type | default | meaning |\n|---|---|---|---|\n"
-                + "\n".join(map(_row, c.properties))
-                + "\n"
-            )
-    return "\n".join(parts)
-
-
-def _row(p: Property) -> str:
-    kind = " \\| ".join(p.values) if p.kind == "enum" else p.kind + (f", {p.unit}" if p.unit else "")
-    default = "required" if p.required else str(p.default).lower() if p.kind == "bool" else str(p.default) or "-"
-    return f"| `{p.name}` | {kind} | {default} | {p.meaning} |"

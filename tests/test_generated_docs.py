@@ -9,6 +9,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.levels.schema import CLASSES
 from test_house import long_lines
 
 HOUSE = Path(__file__).parents[1]
@@ -22,7 +23,11 @@ FILES = [
 @pytest.fixture(scope="module")
 def generate():
     """The program docs/generate.py."""
-    spec = importlib.util.spec_from_file_location("generate", HOUSE / "docs" / "generate.py")
+    return program("generate")
+
+
+def program(name):
+    spec = importlib.util.spec_from_file_location(name, HOUSE / "docs" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -31,6 +36,18 @@ def generate():
 def test_generated_documentation_is_up_to_date(generate):
     stale = [path.name for path, text in generate.texts().items() if path.read_text(encoding="utf-8") != text]
     assert stale == [], "run: python docs/generate.py"
+
+
+def test_the_documentation_has_a_row_for_each_kind_of_condition(generate):
+    page = (HOUSE / "docs" / "programs.md").read_text(encoding="utf-8")
+    assert generate.condition_table() in page, "run: python docs/generate.py"
+
+
+def test_the_site_names_every_property_of_level_classes():
+    pytest.importorskip("mkdocs")
+    text = program("site_pages").level_classes_page()
+    assert all(f"`{p.name}`" in text for c in CLASSES.values() for p in c.properties)
+    assert "| `on_arrive` | stay \\| despawn \\| next \\| disperse | stay |" in text
 
 
 def test_a_new_model_gets_a_section_of_its_own(generate, monkeypatch):

@@ -17,7 +17,6 @@ class Steady:
     """Where the camera was."""
 
     maps: np.ndarray  # (n, 2, 3); from pixels of the k-th picture to those of the first
-    residual: float = 0.0  # median distance of the ground's corners from where the maps put them, px
     moved: bool = True  # whether the camera moved at all
     notes: list[str] = field(default_factory=list)
 
@@ -60,7 +59,7 @@ def scaled_maps(maps, scale):
     return maps
 
 
-def joined_tracks(clip, landmarks, tracks):
+def joined_tracks(clip, tracks):
     """One map for each picture from all landmarks that are seen in it."""
     usable = [track for track in tracks if np.isfinite(track.maps[0]).all()]
     fine = np.array([np.isfinite(track.maps[:, 0, 0]) for track in tracks])
@@ -87,7 +86,7 @@ def joined_tracks(clip, landmarks, tracks):
     gap = ~np.isfinite(maps[:, 0, 0])
     maps[gap] = _bridged(maps, gap)
     middle = np.mean([moved_by(track.maps[0], track.points).mean(0) for track in usable], axis=0)
-    return Steady(smoothed(maps, middle), 0.0, True, notes)
+    return Steady(smoothed(maps, middle), True, notes)
 
 
 def _run(lost):

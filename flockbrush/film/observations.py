@@ -411,23 +411,6 @@ class Evidence:
             return Evidence(**clip, **parts)
 
 
-def halves(evidence: Evidence, share: float = 0.5) -> tuple[Evidence, Evidence]:
-    """The first ``share`` of a clip's frames, to learn from, and the rest, held out.
-
-    Raises
-    ------
-    ValueError
-        When either would have fewer than two frames.
-    """
-    total = len(evidence.fields)
-    cut = round(share * total)
-    if min(cut, total - cut) < 2:
-        raise ValueError(
-            f"{evidence.name} has {total} frames; {share:g} of them and the rest must both be at least two frames"
-        )
-    return evidence.part(slice(0, cut)), evidence.part(slice(cut, total))
-
-
 def _fields(path, data):
     with damage(path):
         return Fields(**part_of(data, "fields"))

@@ -433,7 +433,7 @@ def _landmark(mark) -> Landmark:
 def _steady(clip, landmarks, say):
     """The maps of the clip; exact identities for a camera that stands still."""
     if clip.still:
-        return Steady(np.eye(2, 3)[None], 0.0, False)
+        return Steady(np.eye(2, 3)[None], False)
     steady = follow_landmarks(clip, landmarks, say) if landmarks else register(clip, None, say)
     if not steady.moved:
         steady.maps = np.tile(np.eye(2, 3), (len(clip), 1, 1))

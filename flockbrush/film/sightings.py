@@ -59,7 +59,6 @@ class SightingNoise:
     speed: float  # BL/s
     turn: float  # rad/s, the rate over `half` seconds to each side
     half: float  # s to each side that heading and turning are smoothed over
-    unsure: float  # share of the sights whose head may be the other end
 
     def smoothing(self, fps) -> SightSmoothing | None:
         """The smoother of the sightings; None if unknown."""
@@ -78,7 +77,7 @@ class SightingNoise:
         return self.speed**2 * np.correlate(weight, weight, "full")[len(weight) - 1 :] / (weight @ weight)
 
 
-UNKNOWN = SightingNoise(*[float("nan")] * 8)
+UNKNOWN = SightingNoise(*[float("nan")] * 7)
 
 
 def sightings_of(frames, fps, to_bl, flow=None) -> tuple[Sightings, SightingNoise]:
@@ -212,14 +211,13 @@ def _smoothed(frame, at, along, weight, ends, begin, count, fps):
         return _nobody(count), UNKNOWN
     noise_xy = max(_third(at[:, 0], frame, begin), _third(at[:, 1], frame, begin))
     angle = np.empty(len(frame))
-    moved = np.empty(len(frame))
     firm = max(noise_xy, 0.005)
     along, aside = _along_the_way(frame, at, along, begin, max(2, round(HALF * fps)), firm)
     weight = np.where(aside, 0.5 * weight, weight)
-    _heads(at, along, begin, firm, np.zeros(len(frame)), angle, moved)
+    _heads(at, along, begin, firm, np.zeros(len(frame)), angle)
     looks = by_looks(ends, along, np.column_stack([np.cos(angle), np.sin(angle)]), at, begin, firm, fps)
     if looks.any():
-        _heads(at, along, begin, firm, looks, angle, moved)
+        _heads(at, along, begin, firm, looks, angle)
     noise_axis = max(_third(angle, frame, begin), 1e-3)
     half = _half(noise_axis, fps)
     out_frame, out_track = _present(frame, begin)
@@ -237,12 +235,11 @@ def _smoothed(frame, at, along, weight, ends, begin, count, fps):
         np.concatenate([[0], np.cumsum(size)]), place[order], forward[order], speed[order], turn[order],
         out_track[order],
     )  # fmt: skip
-    unsure = np.repeat(moved[begin[:-1]] < STILL, np.diff(first)).mean()
     n = 2 * half + 1
     typical = np.nanmedian(spread_turn), np.nanmedian(spread_v)
     noise = SightingNoise(
         noise_xy, noise_axis, noise_xy * np.sqrt(2.25 / n), noise_axis * np.sqrt(2.25 / n),
-        noise_xy * fps * float(typical[1]), noise_axis * fps * float(typical[0]), half / fps, float(unsure),
+        noise_xy * fps * float(typical[1]), noise_axis * fps * float(typical[0]), half / fps,
     )  # fmt: skip
     return sightings, noise
 
@@ -298,8 +295,8 @@ def _way(frame, at, begin, half):
 
 
 @njit(cache=True, nogil=True)
-def _heads(at, along, begin, noise, looks, angle, moved):
-    """Write the heading (rad, unwrapped) of each body into `angle`, and the distance covered (BL) into `moved`.
+def _heads(at, along, begin, noise, looks, angle):
+    """Write the heading (rad, unwrapped) of each body into `angle`.
 
     Viterbi algorithm over the two possible heads of each body: the cost is 8 (1 - cos) for a turn between frames, minus
     the normalised forward motion, minus half of `looks`, the log odds that the axis points to the head.
@@ -308,11 +305,9 @@ def _heads(at, along, begin, noise, looks, angle, moved):
         a, b = begin[track], begin[track + 1]
         back = np.zeros((b - a, 2), np.int64)
         cost = np.zeros(2)
-        distance = 0.0
         for k in range(a, b):
             lo, hi = max(a, k - 3), min(b - 1, k + 3)
             dx, dy = at[hi, 0] - at[lo, 0], at[hi, 1] - at[lo, 1]
-            distance = max(distance, np.hypot(at[k, 0] - at[a, 0], at[k, 1] - at[a, 1]))
             forwards = (dx * along[k, 0] + dy * along[k, 1]) / (2.5 * noise + 0.02)
             forwards = min(max(forwards, -4.0), 4.0)
             new = np.zeros(2)
@@ -333,4 +328,3 @@ def _heads(at, along, begin, noise, looks, angle, moved):
             s = back[k - a, s]
         for k in range(a + 1, b):
             angle[k] -= 2 * np.pi * np.round((angle[k] - angle[k - 1]) / (2 * np.pi))
-        moved[a:b] = distance

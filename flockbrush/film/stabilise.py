@@ -92,7 +92,6 @@ class GroundFollower:
         self.keys: list[_Key] = []
         self.key: _Key | None = None
         self.maps: list[np.ndarray] = []
-        self.errors: list[float] = []
         self.bare = False
 
     def step(self, k, picture) -> bool:
@@ -140,13 +139,13 @@ class GroundFollower:
             Share of the corners that agree, 0 to 1.
         """
         guess = after(back(key.to_first), self.maps[-1])  # this picture to the key, if the camera stood since
-        best, most, off = None, 0.0, 0.0
+        best, most = None, 0.0
         for attempt in (lambda: guess, lambda: _by_descriptors(grey, key.grey)):
             seen = attempt()
             if seen is None:
                 break
             for _ in range(2):
-                m, error, agree = _refined(key, grey, seen)
+                m, agree = _refined(key, grey, seen)
                 if m is None:
                     break
                 step = np.abs(moved_by(m, _frame(grey)) - moved_by(seen, _frame(grey))).max()
@@ -154,11 +153,9 @@ class GroundFollower:
                 if step < 2.0:
                     break
             if m is not None and agree > most:
-                best, most, off = after(key.to_first, m), agree, error
+                best, most = after(key.to_first, m), agree
             if most >= SCARCE:
                 break
-        if best is not None:
-            self.errors.append(off / self.scale)
         return best, most
 
     def _choose_key(self, k, picture, grey):
@@ -192,7 +189,7 @@ class GroundFollower:
         return self.key
 
     def steady(self) -> Steady:
-        """The maps of all pictures, scaled to the size of the clip, with the residual and notes."""
+        """The maps of all pictures, scaled to the size of the clip, with notes."""
         notes = []
         if self.bare:
             notes.append(
@@ -202,8 +199,7 @@ class GroundFollower:
         size = np.array(self.keys[-1].grey.shape[::-1]) / self.scale
         corners = np.array([(0, 0), (size[0], 0), (0, size[1]), size])
         drift = max((np.abs(moved_by(m, corners) - corners).max() for m in maps), default=0.0)
-        residual = float(np.median(self.errors)) if self.errors else 0.0
-        return Steady(maps, residual, bool(drift > 1.0), notes)
+        return Steady(maps, bool(drift > 1.0), notes)
 
 
 def _frame(grey):
@@ -249,24 +245,21 @@ def _bucket(points, shape):
 def _refined(key, grey, to_key):
     """Refine the map of a picture to a key picture by optical flow of its corners.
 
-    Returns the map, the median error (px) and the share of the corners that agree; None if fewer than `LEAST` do.
+    Returns the map and the share of the corners that agree; None if fewer than `LEAST` do.
     """
     h, w = key.grey.shape
     there = cv2.warpAffine(grey, to_key, (w, h), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = _within(moved_by(back(to_key), key.corners), grey.shape, 4)
     if inside.sum() < LEAST:
-        return None, 0.0, 0.0
+        return None, 0.0
     corners = key.corners[inside].astype(np.float32).reshape(-1, 1, 2)
     seen, fine, _ = cv2.calcOpticalFlowPyrLK(key.grey, there, corners, None, **_LK)
     fine = fine.ravel().astype(bool) & np.isfinite(seen).all((1, 2))
     at, seen = corners[fine, 0].astype(float), seen[fine, 0].astype(float)
     if len(at) < LEAST:
-        return None, 0.0, 0.0
+        return None, 0.0
     step, agree = _consensus(seen, at, key.grey.shape)
-    if step is None:
-        return None, 0.0, 0.0
-    error = np.linalg.norm(moved_by(step, seen[agree]) - at[agree], axis=1)
-    return after(step, to_key), float(np.median(error)), float(agree.mean())
+    return (None, 0.0) if step is None else (after(step, to_key), float(agree.mean()))
 
 
 def _within(points, shape, margin):
@@ -360,7 +353,7 @@ def follow_landmarks(clip: Clip, landmarks, say: Say = silent) -> Steady:
 
     with ThreadPoolExecutor(2) as pool:
         tracks = list(pool.map(track, range(len(landmarks))))
-    return joined_tracks(clip, landmarks, tracks)
+    return joined_tracks(clip, tracks)
 
 
 def _grey_and_colour(picture):

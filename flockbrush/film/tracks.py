@@ -250,7 +250,6 @@ class _Span:
     weight: np.ndarray  # (F,), 0 in gaps
     gaps: np.ndarray  # frames from sight to sight, at least 1
     probes: np.ndarray  # (F, k) of +-1
-    _bands: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(cls, tracks, n):

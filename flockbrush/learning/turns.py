@@ -63,7 +63,6 @@ class TurnFit:
     spread: float  # of the differences, rad: the scale of Student's t
     information: np.ndarray  # (12, 12); Fisher information of theta
     interrupted: bool = False
-    converged: bool = False
     deviation: np.ndarray = field(init=False)  # (12,) least standard deviation of each number (Cramér-Rao)
 
     def __post_init__(self):
@@ -240,10 +239,10 @@ def fit_turns(
     theta = np.clip(np.asarray(theta, float), LEAST, MOST)
     free = np.ones(12, bool) if free is None else np.asarray(free, bool)
     if not len(turns.rows):
-        return TurnFit(theta, np.zeros(0), np.inf, np.zeros((12, 12)), converged=True)
+        return TurnFit(theta, np.zeros(0), np.inf, np.zeros((12, 12)))
     now = _judged(turns, predicted(turns, theta, params), None)
     assert now is not None
-    losses, damping, interrupted, converged = [now.loss], 1e-3, False, False
+    losses, damping, interrupted = [now.loss], 1e-3, False
     try:
         for step in range(steps):
             if stop is not None and stop():
@@ -258,7 +257,6 @@ def fit_turns(
                 else:
                     damping *= 4.0
             if better is None:
-                converged = True
                 break
             gain = now.loss - better[1].loss
             (theta, now) = better
@@ -266,11 +264,10 @@ def fit_turns(
             if say is not None:
                 say(step, now.loss, theta)
             if gain < tolerance:
-                converged = True
                 break
     except KeyboardInterrupt:
         interrupted = True
-    return TurnFit(theta, np.array(losses), now.spread, now.information, interrupted, converged)
+    return TurnFit(theta, np.array(losses), now.spread, now.information, interrupted)
 
 
 def best_fit(

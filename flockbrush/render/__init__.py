@@ -12,7 +12,6 @@ from flockbrush.render.drawn_herd import DrawnHerd
 from flockbrush.render.painter import Painter
 from flockbrush.render.picture_files import Video, write_png
 from flockbrush.render.scenery import Scenery
-from flockbrush.render.sheet import contact_sheet
 from flockbrush.render.style import DARK, LIGHT, THEMES, Theme
 from flockbrush.render.trails import Trails
 from flockbrush.render.view_camera import ViewCamera
@@ -28,6 +27,5 @@ __all__ = [
     "Theme",
     "Trails",
     "Video",
-    "contact_sheet",
     "write_png",
 ]

@@ -376,20 +376,6 @@ def goes_back(found: Measured) -> np.ndarray:
     return np.stack([v.reshape(-1, fallen.shape[2])[worst] for v in (fallen, allowed)])
 
 
-def errors_from_monotonic(found: Measured) -> np.ndarray:
-    """(2,) least number of standard errors within which a monotonic curve passes all means; no floor, unlike the rest.
-
-    A curve passes between two points exactly if the earlier mean less so many of its errors is not beyond the later
-    mean and as many of its own.
-    """
-    error = found.deviation / np.sqrt(found.seeds)
-    way = found.mean * np.where(found.mean[-1] >= found.mean[0], 1.0, -1.0)
-    earlier, later = np.triu_indices(len(way), 1)
-    fallen, errors = way[earlier] - way[later], error[earlier] + error[later]
-    back = fallen > 0.0
-    return np.divide(fallen, errors, out=np.where(back, np.inf, 0.0), where=back & (errors > 0.0)).max(0)
-
-
 def faults(found: Measured) -> list[str]:
     """What keeps a way from being even, in words."""
     said = []

@@ -187,15 +187,6 @@ def test_a_program_is_saved_and_found_in_a_folder(tmp_path):
         library.get("../stampede")
 
 
-def test_the_documentation_has_a_row_for_each_kind_of_condition():
-    from pathlib import Path
-
-    from flockbrush.behaviours.trigger import tables
-
-    page = (Path(__file__).parents[2] / "docs" / "programs.md").read_text(encoding="utf-8")
-    assert tables() in page, "run: python docs/generate.py"
-
-
 # a fuzzer that knows what a program is made of -------------------------------------------------
 
 NAMES = ("calm", "run", "rest", "walk", "drink")

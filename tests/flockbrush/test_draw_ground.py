@@ -8,6 +8,7 @@ from flockbrush.engine.raster import Raster
 from flockbrush.levels.schema import BrushLayer, PaintBounds
 from flockbrush.systems.palette import Palette
 
+from docs.contact_sheet import contact_sheet
 from flockbrush.render.canvas import Canvas, dashes, smooth
 from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.drawn_herd import DrawnHerd
@@ -16,7 +17,6 @@ from flockbrush.render.hud import GLYPHS, Layout, clock, say, things_of
 from flockbrush.render.painter import Painter
 from flockbrush.render.scenery import Scenery
 from flockbrush.render.shapes import cover_polygon, cover_segments
-from flockbrush.render.sheet import contact_sheet
 from flockbrush.render.style import DARK, LIGHT, PALETTE, rgb, theme_of
 from flockbrush.render.text import shortened, width_of, words
 

@@ -5,7 +5,7 @@ import pytest
 from flockbrush.behaviours.brush import BrushLibrary, shipped
 from flockbrush.behaviours.mixture import STEPS, load_path, mixed, path_between
 
-from benchmarks.morphs import brushes_of, judged, shipped_paths
+from benchmarks.morphs import brushes_of, errors_from_monotonic, judged, shipped_paths
 from flockbrush.studies import morph as morph_study
 from flockbrush.studies.morph import (
     BEGINNINGS,
@@ -18,7 +18,6 @@ from flockbrush.studies.morph import (
     Trial,
     brush_at,
     detours,
-    errors_from_monotonic,
     faults,
     measured,
     response,

@@ -18,7 +18,7 @@ from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.levels.level_class import ENUMS
 from flockbrush.levels.level_writer import dump
 from flockbrush.levels.reader import read_level
-from flockbrush.levels.schema import CLASSES, tables
+from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.terrain_kinds import TERRAINS
 from flockbrush.levels.tile_pictures import BRUSHES_FILE, known_brushes
 from flockbrush.levels.tiled import init, object_types, project, project_files, renew_brushes, tile_order, write_project
@@ -93,11 +93,6 @@ class TestProject:
         looks = [sheet[32 * (k // 8) :, 32 * (k % 8) :][:32, :32].mean((0, 1)) for k in range(len(TERRAINS))]
         apart = [np.abs(a - b).max() for i, a in enumerate(looks) for b in looks[:i]]
         assert min(apart) > 8
-
-    def test_the_documentation_names_every_property(self):
-        text = tables()
-        assert all(f"`{p.name}`" in text for c in CLASSES.values() for p in c.properties)
-        assert "| `on_arrive` | stay \\| despawn \\| next \\| disperse | stay |" in text
 
 
 class TestRenewedBrushes:

@@ -20,18 +20,13 @@ from http import HTTPStatus
 from urllib.parse import parse_qs, urlsplit
 
 from flockbrush.engine import limits
-from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.files import refused
 from flockbrush.output.live.messages import RequestError, read_request
 
 STALL = 10.0  # s without reading after which a client is cut off
 EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # what listens on all addresses, and one that leads there
 GREETING = 5.0  # s for a client to say what it wants
 _SEND_BUFFER = 1 << 18  # bytes that the system keeps for a client: more of them would be old frames
-
-
-def refused(where, message):
-    """A problem of the link as the command line shows it."""
-    return ProblemsError([Problem(where, None, None, message)])
 
 
 class Client:

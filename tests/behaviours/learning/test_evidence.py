@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flockbrush.engine.problems import ProblemsError
 
-from flockbrush.film.observations import Evidence, Fields, Sightings, halves
+from flockbrush.film.observations import Evidence, Fields, Sightings
 from flockbrush.film.speeds import speed_evidence
 
 
@@ -63,15 +63,10 @@ def test_a_cell_is_found_by_where_a_sheep_stands():
 def test_the_second_half_is_not_known_to_the_first():
     seen = two_sheep()
     seen.fields.speed[3:] *= 10
-    first, second = halves(seen)
+    first, second = seen.part(slice(0, 3)), seen.part(slice(3, None))
     assert first.fields.frames.tolist() == [100, 101, 102] and second.fields.frames.tolist() == [103, 104, 105]
     assert first.speed.mean == pytest.approx(1.5) and second.speed.mean == pytest.approx(15.0)
     assert len(second.sightings) == 3 and second.sightings.of(0) == slice(0, 2)
-
-
-def test_one_frame_has_no_halves():
-    with pytest.raises(ValueError, match="must both be at least two frames"):
-        halves(two_sheep(frames=3))
 
 
 @pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x03\x04 broken"])

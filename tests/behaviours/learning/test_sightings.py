@@ -51,7 +51,7 @@ def test_animals_on_a_curve_have_its_heading_speed_and_turn():
     assert np.allclose(sightings.speed, 2.0, atol=0.05)
     assert np.allclose(sightings.turn[sightings.of(20)], 0.5, atol=0.02)
     assert np.isfinite(sightings.turn).mean() > 0.8  # at the ends of tracks it is not known
-    assert noise.xy < 0.01 and noise.unsure == 0
+    assert noise.xy < 0.01
 
 
 def test_the_errors_of_speeds_are_as_large_and_last_as_long_as_is_said():
@@ -149,10 +149,9 @@ def test_who_is_pushed_aside_lies_as_its_body_and_who_seems_to_lie_across_its_wa
     assert len(np.unique(sightings.track)) == 9 and np.abs(off_by(sightings.forward[middle], 0.0)).max() < 6
 
 
-def test_animals_that_stand_lie_as_they_lie_and_their_heads_are_unsure():
+def test_animals_that_stand_lie_as_they_lie():
     frames, angle = walk(speed=0.0, turn=0.0, noise=0.01)
-    sightings, noise = sightings_of(frames, 25, TO_BL)
-    assert noise.unsure == 1
+    sightings, _ = sightings_of(frames, 25, TO_BL)
     assert np.abs(np.sin(np.radians(off_by(sightings.forward, 0.3)))).max() < 0.05
     assert sightings.speed.max() < 0.3
 
