@@ -270,6 +270,12 @@ def free_path(path) -> Path:
     return candidate
 
 
+def sha256_of(path) -> str:
+    """SHA-256 of a file, in hex."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def work_folder(path, token="") -> Path:
     """The hidden folder in which a file is written; without a token the one of its only writer."""
     path = Path(path)

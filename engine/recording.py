@@ -117,7 +117,7 @@ class Recording:
         self.last_tick = max(self.last_tick, int(tick))
 
     def put(self, packed):
-        """Keep what `packed_keyframe` gave."""
+        """Keep a record that `flockbrush.engine.recording_format` has packed."""
         self._guarded(lambda: self._file.write(packed))
 
     def flush(self):
@@ -334,8 +334,3 @@ def _encoded_header(path, header, assets):
         return json.dumps(whole, allow_nan=False, sort_keys=True).encode()
     except (TypeError, ValueError) as error:
         raise RecordingError(f"{path}: the header cannot be written as JSON: {error}") from None
-
-
-def packed_keyframe(tick, state):
-    """A `snapshot` as `Recording.put` takes it: the slow part of `Recording.keyframe`, which a thread may do."""
-    return record(KEYFRAME, int(tick), state)

@@ -24,6 +24,7 @@ BEGINNING = struct.Struct("<8sHHI")  # magic, version, reserved, checksum
 RECORD = struct.Struct("<cBHIIqI")  # kind, packed, reserved, stored bytes, unpacked bytes, tick, checksum
 HEADER, ASSET, COMMAND, HASH, TRAIL, KEYFRAME, END = b"H", b"A", b"C", b"S", b"T", b"K", b"E"
 HASH_BYTES = 8
+_LITTLE = 64  # bytes that are kept as they are
 _SOME = 1 << 20  # bytes of a part by which its size packed is told
 LIMITS = {
     ASSET: limits.RECORDING_ASSETS_BYTES + 2000, KEYFRAME: limits.SNAPSHOT_BYTES, HASH: HASH_BYTES,
@@ -43,32 +44,29 @@ def beginning(version):
 
 def record(kind, tick, data):
     """One record, packed when that makes it smaller."""
-    data = bytes(data)
-    if len(data) > LIMITS.get(kind, limits.RECORDING_TEXT_BYTES):
-        raise RecordingError(f"a record of {len(data)} bytes is too large for a recording")
-    stored = zlib.compress(data, 1) if len(data) > 64 else data
-    packed = len(stored) < len(data)
-    if not packed:
-        stored = data
-    head = RECORD.pack(kind, packed, 0, len(stored), len(data), tick, 0)[:-4]
-    return head + struct.pack("<I", zlib.crc32(stored, zlib.crc32(head))) + stored
+    return record_of(kind, tick, [data])
 
 
 def record_of(kind, tick, parts):
     """The same record of data in parts (bytes-like), packed part by part: the data are never in memory twice."""
-    size, deflate = sum(memoryview(part).nbytes for part in parts), zlib.compressobj(1)
+    size, stored = _bytes_of(parts), parts
     if size > LIMITS.get(kind, limits.RECORDING_TEXT_BYTES):
         raise RecordingError(f"a record of {size} bytes is too large for a recording")
-    stored = [deflate.compress(part) for part in parts]
-    stored.append(deflate.flush())
-    packed = sum(map(len, stored)) < size
+    if size > _LITTLE:
+        deflate = zlib.compressobj(1)
+        stored = [*map(deflate.compress, parts), deflate.flush()]
+    packed = _bytes_of(stored) < size
     if not packed:
-        stored = list(parts)
-    head = RECORD.pack(kind, packed, 0, sum(memoryview(part).nbytes for part in stored), size, tick, 0)[:-4]
+        stored = parts
+    head = RECORD.pack(kind, packed, 0, _bytes_of(stored), size, tick, 0)[:-4]
     checksum = zlib.crc32(head)
     for part in stored:
         checksum = zlib.crc32(part, checksum)
     return b"".join([head, struct.pack("<I", checksum), *stored])
+
+
+def _bytes_of(parts):
+    return sum(memoryview(part).nbytes for part in parts)
 
 
 def packed_size(parts):

@@ -54,9 +54,9 @@ class ArtReader:
         look = layer.name, layer.opacity, layer.dx, layer.dy, _tint(layer.node.get("tintcolor"))
         shift = self.frame.left * self.frame.tile, self.frame.top * self.frame.tile
         if layer.kind == "tilelayer":
-            gids = self._gids(layer)
-            fraction = (layer.dx % self.frame.tile, layer.dy % self.frame.tile)
-            return ArtLayer(look[0], look[1], *fraction, look[4], gids=gids)
+            (sx, dx), (sy, dy) = (divmod(shift, self.frame.tile) for shift in (layer.dx, layer.dy))
+            gids = self.reader.layers.laid(layer, self.frame, int(sx), int(sy))  # with flip flags
+            return ArtLayer(look[0], look[1], dx, dy, look[4], gids=gids)
         look = look[0], look[1], look[2] - shift[0], look[3] - shift[1], look[4]
         if layer.kind == "imagelayer":
             name = text(layer.node, "image", layer.place)
@@ -64,21 +64,6 @@ class ArtReader:
             return ArtLayer(*look, image=name, transparent=colour) if self._read("", name, layer.place) else None
         things = [self._object(node, layer.place) for node in dicts(layer.node, "objects") if "gid" in node]
         return ArtLayer(*look, objects=[thing for thing in things if thing is not None]) if things else None
-
-    def _gids(self, layer):
-        """(ny, nx) with flip flags, north row first; offsets of whole tiles are in it."""
-        tile, frame = self.frame.tile, self.frame
-        whole = np.zeros((frame.ny, frame.nx), np.uint32)
-        sx, sy = int(layer.dx // tile), int(layer.dy // tile)
-        for x, y, piece in self.reader.layers.chunks(layer):
-            left, top = x + sx - frame.left, y + sy - frame.top
-            part = piece[max(0, -top) : max(frame.ny - top, 0), max(0, -left) : max(frame.nx - left, 0)]
-            if part.size:
-                row, column = max(top, 0), max(left, 0)
-                into = whole[row : row + part.shape[0], column : column + part.shape[1]]
-                into[part > 0] = part[part > 0]
-        layer.pieces = []
-        return whole
 
     def _object(self, node, place):
         gid = whole(node, "gid", place, 1, 2**32 - 1)

@@ -186,8 +186,11 @@ class LayerReader:
 
     def gids(self, layer, frame):
         """The layer's global tile ids, (ny, nx), south row first."""
+        return self.laid(layer, frame, *self._shift(layer, frame.tile))[::-1]
+
+    def laid(self, layer, frame, sx, sy):
+        """The layer's tiles, so many further east and south, (ny, nx), north row first; its data are let go."""
         whole = np.zeros((frame.ny, frame.nx), np.uint32)
-        sx, sy = self._shift(layer, frame.tile)
         for x, y, piece in self.chunks(layer):
             left, top = x + sx - frame.left, y + sy - frame.top
             cut_x, cut_y = max(0, -left), max(0, -top)
@@ -196,7 +199,7 @@ class LayerReader:
                 into = whole[top + cut_y : top + cut_y + part.shape[0], left + cut_x : left + cut_x + part.shape[1]]
                 into[part > 0] = part[part > 0]
         layer.pieces = []
-        return whole[::-1]
+        return whole
 
 
 def split(layers):

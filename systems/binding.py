@@ -24,6 +24,7 @@ from flockbrush.behaviours.mixture import STEPS
 from flockbrush.components.agent import LANDING, SETTLED, TAKING_OFF
 from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.noise import uniform_
+from flockbrush.engine.raster import bilinear_
 from flockbrush.systems.fauna import AIR, PLANE, WATER
 from flockbrush.systems.terrain import NO_BRUSH, rasterise_polygon
 from numba import njit
@@ -341,24 +342,13 @@ def mix_paint(lo, hi, animals, cell, sheets, air, mixes, key, out):
                 continue
             if not _is_in(sheets.medium[s], air[b], aloft, low):
                 continue
-            weight, own = _bilinear(sheets.weight[s], u, v), uniform_(key, ids[i], s)
+            weight, own = bilinear_(sheets.weight[s], cell, xyz[i, 0], xyz[i, 1]), uniform_(key, ids[i], s)
             under = out[i] if out[i] >= 0 else home[i]
             if s == top and not sheets.shares[s] and under != b and mixes[under, b] >= 0:
                 step = int(weight * STEPS + own)
                 out[i] = b if step >= STEPS else mixes[under, b] + step - 1 if step > 0 else out[i]
             elif own < weight:
                 out[i] = b
-
-
-@inner_kernel
-def _bilinear(raster, u, v):
-    """The value between the centres of cells; u, v count them."""
-    west, south = int(u), int(v)
-    east, north = min(west + 1, raster.shape[1] - 1), min(south + 1, raster.shape[0] - 1)
-    a, b = u - west, v - south
-    return (1.0 - b) * ((1.0 - a) * raster[south, west] + a * raster[south, east]) + b * (
-        (1.0 - a) * raster[north, west] + a * raster[north, east]
-    )
 
 
 class MediaChange(NamedTuple):

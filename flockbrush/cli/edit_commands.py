@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flockbrush.cli.level_commands import opened, stepping, warn_if_unlike
-from flockbrush.engine.files import refused
+from flockbrush.engine.files import refused, sha256_of
 from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
@@ -270,4 +269,4 @@ def _edited_moments(edits, run, simulation, stack, interrupts) -> EditedMoments:
 
 def told_of(file: EditFile) -> dict[str, str]:
     """Title, value pairs about the edits, for the HTML page."""
-    return {"edits": file.path.name, "edits SHA-256": hashlib.sha256(file.path.read_bytes()).hexdigest()}
+    return {"edits": file.path.name, "edits SHA-256": sha256_of(file.path)}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import time
 from contextlib import nullcontext
@@ -17,7 +16,7 @@ from flockbrush.behaviours.formation.formation_shapes import load_formation, tex
 from flockbrush.behaviours.formation.marked_birds import read_marks
 from flockbrush.behaviours.formation.reaching import FormingRules
 from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
-from flockbrush.engine.files import claimed, held, need_ending, output_problems, refused, write_text
+from flockbrush.engine.files import claimed, held, need_ending, output_problems, refused, sha256_of, write_text
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.output.formation_brush import write_brush
 from flockbrush.render import write_png
@@ -64,9 +63,8 @@ def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):
     need_ending(plot, ".png")
     with claimed([path for path in (out, plot) if path], [marks_path]):
         marks, used = read_marks(marks_path, heading, wingspan)
-        digest = hashlib.sha256(Path(marks_path).read_bytes()).hexdigest()
         provenance = {
-            "marks": Path(marks_path).name, "sha256": digest, **used,
+            "marks": Path(marks_path).name, "sha256": sha256_of(marks_path), **used,
             "method": "all samples" if samples is None else f"RANSAC, {samples} samples",
             "made_by": f"flockbrush {flockbrush.__version__}",
         }  # fmt: skip

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
 
 from flockbrush.cli.level_commands import check_plot
 from flockbrush.cli.measure import as_series, mean_of, show_series
+from flockbrush.engine.files import sha256_of
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.open_clip import Looking, look_at
 from flockbrush.output.run_table import RunTable, read_run_table
@@ -137,7 +137,7 @@ def _of_table(path, table, every):
             f"table, {beside}give --unit m"
         )
     about = {
-        "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest(), "fps": table.about.fps, "unit": "m",
+        "sha256": sha256_of(path), "fps": table.about.fps, "unit": "m",
         "animals": len(np.unique(table.numbers["id"])), "notes": notes,
     }  # fmt: skip
     parts = table.parts() | {"states": table.states(), "transitions": table.transitions()}

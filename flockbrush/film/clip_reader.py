@@ -8,7 +8,6 @@ shot.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ import av
 import cv2
 import numpy as np
 
+from flockbrush.engine.files import sha256_of
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.media import check_frame_size, is_picture, open_container, pictures_of, read_picture, upright
 from flockbrush.film.observations import CannotObserve
@@ -123,8 +123,7 @@ def _sha256(name, path):
     if path.stat().st_size == 0:
         raise CannotObserve(name, "is empty (0 bytes); copy it again", {"bytes of the file": 0})
     try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        return sha256_of(path)
     except OSError as error:
         raise CannotObserve(name, f"cannot be read: {error.strerror or error}") from None
 

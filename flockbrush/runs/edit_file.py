@@ -21,7 +21,6 @@ Tables ``[[undone]]`` hold what ``--undo`` took back, with the name of their lay
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from dataclasses import fields
@@ -30,7 +29,7 @@ from typing import NamedTuple
 
 from flockbrush.behaviours.file_library import check_schema
 from flockbrush.behaviours.tomlfile import TomlFile, is_number, parse_toml, read_bytes
-from flockbrush.engine.files import write_bytes
+from flockbrush.engine.files import sha256_of, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.levels.steps import UndoStack
 from flockbrush.runs.run_edits import ALWAYS, KINDS, Edit, Layer
@@ -148,12 +147,6 @@ class EditFile(UndoStack):
 def beside(recording) -> Path:
     """The file with the edits of a recording."""
     return Path(recording).with_suffix(SUFFIX)
-
-
-def sha256_of(recording) -> str:
-    """The SHA-256 of a recording."""
-    with open(recording, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def edits_of(recording) -> EditFile:

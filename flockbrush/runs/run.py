@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import posixpath
@@ -18,7 +17,7 @@ import flockbrush
 from flockbrush import levels
 from flockbrush.behaviours.brush import SUFFIX, load_brush
 from flockbrush.engine import limits
-from flockbrush.engine.files import output_problems, refused
+from flockbrush.engine.files import output_problems, refused, sha256_of
 from flockbrush.engine.keyframe_spacing import KeyframeSpacing
 from flockbrush.engine.locks import Advice
 from flockbrush.engine.noise import seed_of, whole
@@ -28,6 +27,7 @@ from flockbrush.engine.recording_format import packed_size
 from flockbrush.engine.state import snapshot_parts, state_hash
 from flockbrush.levels.build import Simulation, build
 from flockbrush.levels.checked_nodes import parsed_document
+from flockbrush.levels.document_nodes import every_layer
 from flockbrush.levels.libraries import brush_library, recorded_library
 from flockbrush.levels.reader import read_level, read_level_files
 from flockbrush.runs.builds import build_of_run
@@ -121,33 +121,22 @@ def _with_brush(level, library, brush):
     built.close()
     name = next(iter(files))
     spawns, document = {spawn.id for spawn in level.spawns}, parsed_document(files[name])
-    _drop_keys_of_programs(document)
-    for thing in _objects(document):
-        if thing["id"] in spawns:
-            others = [entry for entry in thing.get("properties", []) if entry["name"] not in ("brush", "program")]
-            thing["properties"] = [*others, {"name": "brush", "type": "string", "value": asset.name}]
+    for layer in every_layer(document["layers"]):
+        if "objects" in layer:
+            layer["objects"] = [thing for thing in layer["objects"] if not _is_key_of_programs(thing)]
+        for thing in layer.get("objects", []):
+            if thing["id"] in spawns:
+                others = [entry for entry in thing.get("properties", []) if entry["name"] not in ("brush", "program")]
+                thing["properties"] = [*others, {"name": "brush", "type": "string", "value": asset.name}]
     files[name] = json.dumps(document).encode()
     files[f"brushes/{asset.name}{SUFFIX}"] = asset.source
     library = recorded_library(files)
     return read_level_files(files, library), library
 
 
-def _drop_keys_of_programs(layer):
-    """Leave out keys whose commands only animals with a program obey."""
-    if "objects" in layer:
-        layer["objects"] = [
-            thing for thing in layer["objects"]
-            if not any(p["name"] == "command" and p["value"] in OF_PROGRAMS for p in thing.get("properties", []))
-        ]  # fmt: skip
-    for inner in layer.get("layers", []):
-        _drop_keys_of_programs(inner)
-
-
-def _objects(layer):
-    """All objects of a map, also those in groups of layers."""
-    yield from layer.get("objects", [])
-    for inner in layer.get("layers", []):
-        yield from _objects(inner)
+def _is_key_of_programs(thing):
+    """Whether an object gives a command that only animals with a program obey."""
+    return any(p["name"] == "command" and p["value"] in OF_PROGRAMS for p in thing.get("properties", []))
 
 
 def begin(level, library, seed=None, agents=None) -> Simulation:
@@ -301,8 +290,7 @@ def rooted(files, level_path):
 
 def source_of(path) -> dict[str, str]:
     """Name and SHA-256 of a recording, by label."""
-    with open(path, "rb") as file:
-        return {"recording": Path(path).name, "recording SHA-256": hashlib.file_digest(file, "sha256").hexdigest()}
+    return {"recording": Path(path).name, "recording SHA-256": sha256_of(path)}
 
 
 def embedded_level(run: RecordedRun):

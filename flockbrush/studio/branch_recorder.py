@@ -6,7 +6,8 @@ from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
-from flockbrush.engine.recording import Recording, packed_keyframe
+from flockbrush.engine.recording import Recording
+from flockbrush.engine.recording_format import KEYFRAME, record
 
 HASH_BYTES = 3 << 20  # a state larger than this is hashed less often
 WAITING = 4  # snapshots of new ticks that may wait to be packed: then the run waits for the first
@@ -83,4 +84,4 @@ class BranchRecorder:
 
 
 def _packed(tick, cut):
-    return packed_keyframe(tick, b"".join(cut))
+    return record(KEYFRAME, tick, b"".join(cut))
