@@ -12,19 +12,12 @@ from flockbrush.behaviours.tomlfile import read_bytes
 from flockbrush.engine.files import held, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.runs import terminal
-from flockbrush.runs.terminal import print_line
+from flockbrush.runs.terminal import any_refused, print_line
 
 
 def convert_brushes(files, species="", output=None):
     """Convert brush files and print the result for each; a file is converted completely or not at all."""
-    bad = False
-    for path in map(Path, files):
-        try:
-            print_line(f"{path}: {_convert(path, species, output)}")
-        except ProblemsError as error:
-            bad = True
-            print_line(error)
-    if bad:
+    if any_refused(map(Path, files), lambda path: print_line(f"{path}: {_convert(path, species, output)}")):
         raise typer.Exit(terminal.PROBLEM)
 
 

@@ -24,7 +24,7 @@ from flockbrush.runs.builds import build_of_run, differences
 from flockbrush.runs.compile_ahead import compiling_ahead
 from flockbrush.runs.desync import check_folder, write_report
 from flockbrush.runs.synctest import AGAIN, FIRST, OutOfSync, SyncTest
-from flockbrush.runs.terminal import Stopped, number, print_json, print_line, say, show, styled, table
+from flockbrush.runs.terminal import Stopped, any_refused, number, print_json, print_line, say, show, styled, table
 
 # run ---------------------------------------------------------------------------------
 
@@ -259,17 +259,15 @@ def check_levels(files, window=False):
     """Print every problem of some levels, one line each; also in a window if asked."""
     from flockbrush.levels.build import build
 
-    bad, lines = False, []
-    for name in files:
-        try:
-            level, library = running.open_level(name)
-            build(level, library=library).close()
-        except ProblemsError as error:
-            bad = True
-            lines.append(str(error))
-            continue
-        lines += map(str, level.warnings)
+    lines = []
+
+    def check(name):
+        level, library = running.open_level(name)
+        build(level, library=library).close()
+        lines.extend(map(str, level.warnings))
         lines.append(f"{level.path}: ok: {level.width:g} x {level.height:g} m, {level.agents:,} animals")
+
+    bad = any_refused(files, check, lambda error: lines.append(str(error)))
     for line in lines:
         print_line(line)
     if window:
@@ -444,30 +442,26 @@ def _value(value):
 
 def check_brushes(files):
     """Print every problem of some brushes and of paths between brushes, one line each."""
+    if any_refused(files, _check_brush):
+        raise typer.Exit(terminal.PROBLEM)
+
+
+def _check_brush(name):
     from flockbrush.behaviours.brush import PATH_SUFFIX
     from flockbrush.behaviours.mixture import load_path
     from flockbrush.behaviours.tomlfile import read_bytes
 
-    bad = False
-    for name in files:
-        try:
-            if name.endswith(PATH_SUFFIX):
-                path = load_path(read_bytes(name), name)
-                kind = "even" if path.even else "bistable" if path.bistable else "uneven"
-                print_line(f"{name}: ok: path from {path.start} to {path.end}, {kind}")
-                continue
-            brush = find_brush(name)
-        except ProblemsError as error:
-            bad = True
-            print_line(error)
-            continue
-        print_line(f"{name}: ok: {brush.title or brush.name}, model {brush.model}")
-        if brush.has_own_body and not brush.made_for and Path(name).suffix:
-            print_line(
-                f"{name}: note: the brush has its own [body]; `flockbrush brush convert {name}` moves it to a species"
-            )
-    if bad:
-        raise typer.Exit(terminal.PROBLEM)
+    if name.endswith(PATH_SUFFIX):
+        path = load_path(read_bytes(name), name)
+        kind = "even" if path.even else "bistable" if path.bistable else "uneven"
+        print_line(f"{name}: ok: path from {path.start} to {path.end}, {kind}")
+        return
+    brush = find_brush(name)
+    print_line(f"{name}: ok: {brush.title or brush.name}, model {brush.model}")
+    if brush.has_own_body and not brush.made_for and Path(name).suffix:
+        print_line(
+            f"{name}: note: the brush has its own [body]; `flockbrush brush convert {name}` moves it to a species"
+        )
 
 
 def preview_brush(name, output, agents, seconds, seed, start, theme, palette):

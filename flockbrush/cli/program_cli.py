@@ -19,7 +19,7 @@ from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Level, Spawn
 from flockbrush.runs import terminal
-from flockbrush.runs.terminal import print_json, print_line, say, show, styled, table
+from flockbrush.runs.terminal import any_refused, print_json, print_line, say, show, styled, table
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.program_commands import Event
 from flockbrush.systems.program_reports import counts, transitions
@@ -117,23 +117,18 @@ def _when(trigger):
 
 def check_programs(files):
     """Print every problem and note about some programs, one line each."""
-    bad = False
-    for name in files:
-        try:
-            program, file = find_program(name)
-            wrong = known_brushes(program, brushes_beside(name).names(), file)
-            if wrong:
-                raise ProblemsError(wrong)
-        except ProblemsError as error:
-            bad = True
-            print_line(error)
-            continue
-        for line in oddities(program, file):
-            say(f"note: {line}")
-        size = f"{len(program.states)} states, {len(program.triggers)} triggers"
-        print_line(f"{name}: ok: {program.title or program.name}, {size}")
-    if bad:
+    if any_refused(files, _check_program):
         raise typer.Exit(terminal.PROBLEM)
+
+
+def _check_program(name):
+    program, file = find_program(name)
+    if wrong := known_brushes(program, brushes_beside(name).names(), file):
+        raise ProblemsError(wrong)
+    for line in oddities(program, file):
+        say(f"note: {line}")
+    size = f"{len(program.states)} states, {len(program.triggers)} triggers"
+    print_line(f"{name}: ok: {program.title or program.name}, {size}")
 
 
 def oddities(program, file):

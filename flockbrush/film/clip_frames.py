@@ -20,7 +20,24 @@ SAMPLE = (1280, 720)  # pixels of the empty sky
 SKY = "sky"  # what an empty sky is called on the command line
 
 
-class Film:
+class TimedFrames:
+    """Frames at times, s from the first: (F,) ``times``."""
+
+    times: np.ndarray
+
+    def __len__(self):
+        return len(self.times)
+
+    def time(self, k) -> float:
+        """Seconds of frame k from the first."""
+        return float(self.times[k])
+
+    def caption(self, k) -> str:
+        """Which frame it is, and when."""
+        return f"frame {k} of {len(self) - 1}   {self.time(k):.2f} s"
+
+
+class Film(TimedFrames):
     """The frames of a clip.
 
     All frames are gone through once at the beginning: only then their number and times are known for certain.  A frame
@@ -64,9 +81,6 @@ class Film:
         self.size = first.shape[1], first.shape[0]  # width and height, pixels
         self._most = max(8, KEPT // first.nbytes)
 
-    def __len__(self):
-        return len(self.times)
-
     def frame(self, k) -> np.ndarray:
         """Frame k as blue, green, red, (h, w, 3) uint8; the last good one where it is broken."""
         k = min(max(int(k), 0), len(self) - 1)
@@ -76,14 +90,6 @@ class Film:
             self._kept.move_to_end(k)
             return self._kept[k]
         return self._nearest(k)
-
-    def time(self, k) -> float:
-        """Seconds of frame k from the first."""
-        return float(self.times[k])
-
-    def caption(self, k) -> str:
-        """Which frame it is, and when."""
-        return frame_and_time(self, k)
 
     def again(self) -> Film:
         """The same film with a reader of its own, for another thread."""
@@ -154,7 +160,7 @@ class Film:
         return np.zeros((self.size[1], self.size[0], 3), np.uint8) if best is None else self._kept[best]
 
 
-class Sky:
+class Sky(TimedFrames):
     """An empty sky, to sketch on: every frame the same.
 
     Parameters
@@ -174,9 +180,6 @@ class Sky:
         colours = np.array([226, 196, 158]) * (1 - rows) + np.array([240, 232, 220]) * rows  # blue, green, red
         self._picture = np.repeat(np.round(colours).astype(np.uint8)[:, None], size[0], axis=1)
 
-    def __len__(self):
-        return len(self.times)
-
     def lasts(self, frames):
         """Be so many frames long."""
         self.times = np.arange(frames) / self.fps
@@ -185,25 +188,12 @@ class Sky:
         """The sky, (h, w, 3) uint8."""
         return self._picture
 
-    def time(self, k) -> float:
-        """Seconds of frame k from the first."""
-        return float(self.times[k])
-
-    def caption(self, k) -> str:
-        """Which frame it is, and when."""
-        return frame_and_time(self, k)
-
     def again(self) -> Sky:
         """The same sky."""
         return self
 
     def close(self):
         """Nothing is held."""
-
-
-def frame_and_time(film, k):
-    """Which frame of a film it is, and when."""
-    return f"frame {k} of {len(film) - 1}   {film.time(k):.2f} s"
 
 
 def _stamps(reader, say):

@@ -50,11 +50,16 @@ class ClipJob:
         """The work is not wanted any more."""
         self._stopped.set()
         if wait:
-            self._thread.join(5.0)
+            self.is_over(5.0)
+
+    def is_over(self, wait=0.0) -> bool:
+        """Whether the work has ended, or does so within some seconds."""
+        self._thread.join(wait)
+        return not self._thread.is_alive()
 
     def look(self) -> bool:
         """Whether the work is over; its result is handed on, its mistake raised, in this thread, once."""
-        if self._thread.is_alive():
+        if not self.is_over():
             return False
         then, self._then = self._then, None
         if then is not None and not self._stopped.is_set():

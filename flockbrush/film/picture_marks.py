@@ -20,6 +20,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.bird_marks import Birds, PictureFollower
 from flockbrush.film.birds_in_sky import find_birds, is_found, read_pictures
 from flockbrush.film.clip_document import Book
+from flockbrush.film.clip_frames import TimedFrames
 
 UNKNOWN_SPAN = 1 / 30  # of the picture's shorter side, where no bird was found
 QUALITY = 93  # of the pictures that are kept
@@ -28,7 +29,7 @@ SAMPLES = 4000  # of larger flocks
 COLUMNS = ("frame", "bird", "x_px", "y_px", "wingspan_px", "by")
 
 
-class PictureFilm:
+class PictureFilm(TimedFrames):
     """Pictures, and frames of clips, as a film, with the birds that are found in them.
 
     Attributes
@@ -53,20 +54,14 @@ class PictureFilm:
             sizes.append(image.shape[1::-1])
             self.found.append(find_birds(image))
             say(len(self.names))
+        self.times = np.arange(len(self.names)) / self.fps
         self.size = tuple(map(max, zip(*sizes, strict=True)))
         spans = [patch.span for patches in self.found for patch in patches]
         self.wingspan = float(np.median(spans)) if spans else UNKNOWN_SPAN * min(self.size)
 
-    def __len__(self):
-        return len(self.names)
-
     def frame(self, k) -> np.ndarray:
         """Blue, green and red of a picture, (h, w, 3) uint8."""
         return cv2.imdecode(self._packed[k], cv2.IMREAD_COLOR)  # type: ignore[return-value]
-
-    def time(self, k) -> float:
-        """Seconds after the first picture, one for each."""
-        return k / self.fps
 
     def caption(self, k) -> str:
         """Which picture it is."""

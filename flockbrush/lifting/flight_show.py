@@ -15,6 +15,7 @@ import numpy as np
 
 from flockbrush.behaviours.formation.extraction import Marks, extract
 from flockbrush.engine.files import claimed, refused
+from flockbrush.film.clip_jobs import ClipJob
 from flockbrush.film.tracks import Tracks, read_tracks
 from flockbrush.lifting.flight_files import attitude, write_flight
 from flockbrush.lifting.flight_table import PLACES, read_flight, table_header, wingspan_of
@@ -409,7 +410,7 @@ class Solver:
 
     def __init__(self, show: Show):
         self.show, self.seconds = show, 0.0  # seconds: the last solve took
-        self._job: SimpleNamespace | None = None
+        self._job: ClipJob | None = None
         self._next: tuple | None = None
 
     @property
@@ -424,43 +425,35 @@ class Solver:
             self._begin()
 
     def _begin(self):
-        import threading
-
         (wanted, glance), self._next = self._next, None  # type: ignore[misc]
-        job = SimpleNamespace(wanted=wanted, flight=None, error=None, began=time.perf_counter(), seconds=0.0)
+        began = time.perf_counter()
 
-        def work():
-            try:
-                job.flight = self.show.solved(wanted, glance)
-            except Exception as error:  # noqa: BLE001  shown in the window
-                job.error = error
-            job.seconds = time.perf_counter() - job.began
+        def solve(say):
+            return self.show.solved(wanted, glance), time.perf_counter() - began
 
-        job.thread = threading.Thread(target=work, name="flockbrush lift", daemon=True)
-        self._job = job
-        job.thread.start()
+        def take(solved):
+            flight, self.seconds = solved
+            self.show.wanted = wanted
+            self.show.take(flight)
+
+        self._job = ClipJob("lift", solve, take)
 
     def look(self) -> bool:
         """Take what was solved, if it is ready; whether the flight has changed.  Raises what went wrong."""
         job = self._job
-        if job is None or job.thread.is_alive():
+        if job is None or not job.is_over():
             return False
         self._job = None
         if self._next is not None:
             self._begin()
-        if job.error is not None:
-            raise job.error
-        self.seconds = job.seconds
-        self.show.wanted = job.wanted
-        self.show.take(job.flight)
-        return True
+        return job.look()
 
     def wait(self, most=60.0) -> bool:
         """Wait until nothing is solved any more; whether the flight has changed."""
         changed, end = False, time.perf_counter() + most
         while self.busy and time.perf_counter() < end:
             if self._job is not None:
-                self._job.thread.join(0.05)
+                self._job.is_over(0.05)
             changed |= self.look()
         return changed
 

@@ -52,6 +52,15 @@ def check_exports(paths, inputs=(), others=(), options=None):
         raise ProblemsError(problems)
 
 
+def exported(simulation, path, fps=None, last_tick=0, **options):
+    """Write one export of a simulation that runs on to a tick; options as of `Exports`."""
+    with Exports([path], simulation, fps, **options) as exports:
+        exports.take()
+        while simulation.clock.tick < last_tick:
+            simulation.tick()
+            exports.take()
+
+
 class Exports:
     """The files a run writes: call `take` at the start and after every tick; use it in a ``with``.
 

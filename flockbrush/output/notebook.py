@@ -13,7 +13,7 @@ from pathlib import Path
 
 from flockbrush.engine.recording import RecordedRun, resume
 from flockbrush.levels.build import Simulation
-from flockbrush.output.export import Exports
+from flockbrush.output.export import exported
 from flockbrush.runs.run import rebuild, source_of, unlike_recorded
 
 HIGH = 560  # pixels of the frame in the notebook
@@ -51,11 +51,7 @@ def _exported(simulation, name, fps, last_tick=0, **options) -> bytes:
     """The bytes of an export of a simulation up to a tick."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
-        with Exports([path], simulation, fps, **options) as exports:
-            exports.take()
-            while simulation.clock.tick < last_tick:
-                simulation.tick()
-                exports.take()
+        exported(simulation, path, fps, last_tick, **options)
         return path.read_bytes()
 
 

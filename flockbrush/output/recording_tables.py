@@ -69,16 +69,12 @@ def _needs(*packages):
 
 def _export(run, path, fps):
     from flockbrush.engine.recording import resume
-    from flockbrush.output.export import Exports
+    from flockbrush.output.export import exported
     from flockbrush.runs.run import rebuild, unlike_recorded
 
     simulation = rebuild(run)
     resume(run, simulation.world)
-    with Exports([path], simulation, fps) as exports:
-        exports.take()
-        while simulation.clock.tick < run.last_tick:
-            simulation.tick()
-            exports.take()
+    exported(simulation, path, fps, run.last_tick)
     if unlike := unlike_recorded(run, simulation):
         warnings.warn(unlike, stacklevel=3)
 

@@ -17,6 +17,7 @@ from numbers import Number
 import flockbrush
 from flockbrush.engine.locks import Advice
 from flockbrush.engine.plain_text import plain, plain_json
+from flockbrush.engine.problems import ProblemsError
 from flockbrush.runs.streams import speaks_unicode
 
 PROBLEM, USAGE, INTERRUPTED, PIPE = 1, 2, 130, 141
@@ -61,6 +62,18 @@ def is_terminal(stream):
 def print_line(text):
     """Print a text as a result."""
     print(plain(text))
+
+
+def any_refused(files, check, show=print_line) -> bool:
+    """Call ``check`` with each file and show what it says of those that it refuses; whether it refused any."""
+    refused = False
+    for name in files:
+        try:
+            check(name)
+        except ProblemsError as error:
+            refused = True
+            show(error)
+    return refused
 
 
 def styled(pattern, *values):

@@ -122,14 +122,22 @@ def bounds_of(prim):
     return cache.ComputeWorldBound(prim).ComputeAlignedRange()
 
 
-def write_mesh(stage, path, mesh, points):
-    """A mesh with flat faces and the brightness of its parts as a primvar."""
+def plain_mesh(stage, path, points, triangles, counts=None):
+    """A mesh with flat faces: triangles, or with so many corners each."""
     made = UsdGeom.Mesh.Define(stage, path)
-    made.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points, np.float32)))
-    made.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.triangles), 3, np.int32)))
-    made.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(mesh.triangles, np.int32).ravel()))
+    points = np.ascontiguousarray(points, np.float32)
+    made.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+    counts = np.full(len(triangles), 3) if counts is None else counts
+    made.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.asarray(counts, np.int32)))
+    made.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(triangles, np.int32).ravel()))
     made.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     made.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.array([points.min(0), points.max(0)], np.float32)))
+    return made
+
+
+def write_mesh(stage, path, mesh, points):
+    """A `plain_mesh` of a body, with the brightness of its parts as a primvar."""
+    made = plain_mesh(stage, path, points, mesh.triangles)
     shade = mesh.shade[mesh.triangles[:, 0]].astype(np.float32)
     grey = np.repeat(shade[:, None], 3, axis=1)
     made.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform).Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(grey)))

@@ -9,7 +9,7 @@ from flockbrush.levels.build import Simulation
 from flockbrush.output.moving_solids import MovingSolids
 from flockbrush.output.picture_exporter import chosen_theme
 from flockbrush.output.scene_meshes import PICTURE, SceneMeshes
-from flockbrush.output.usd.bodies import MATERIALS, write_material
+from flockbrush.output.usd.bodies import MATERIALS, plain_mesh, write_material
 from flockbrush.output.usd.herd_prims import NOTHING
 from flockbrush.render.style import SUN
 
@@ -39,25 +39,13 @@ def write_place(stage, simulation, options, texture=None):
     return obstacles
 
 
-def _mesh(stage, path, points, triangles, counts=None):
-    made = UsdGeom.Mesh.Define(stage, path)
-    points = np.ascontiguousarray(points, np.float32)
-    made.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
-    counts = np.full(len(triangles), 3) if counts is None else counts
-    made.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.asarray(counts, np.int32)))
-    made.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(triangles, np.int32).ravel()))
-    made.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    made.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.array([points.min(0), points.max(0)], np.float32)))
-    return made
-
-
 def _bind(prim, path):
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(UsdShade.Material.Get(prim.GetStage(), path))
 
 
 def _ground(stage, place, texture):
     ground = place.ground()
-    made = _mesh(stage, f"{PLACE}/Ground", ground.points.reshape(-1, 3), ground.triangles)
+    made = plain_mesh(stage, f"{PLACE}/Ground", ground.points.reshape(-1, 3), ground.triangles)
     colour = np.array(place.theme.ground) / 255
     made.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([Gf.Vec3f(*colour.tolist())])
     coordinates = UsdGeom.PrimvarsAPI(made).CreatePrimvar(
@@ -120,7 +108,7 @@ class Obstacles:
         used, index = np.unique(index, return_inverse=True)
         points = corners.reshape(-1, 3)[used]
         name = f"{PLACE}/Obstacles/{Tf.MakeValidIdentifier(solid.name)}_{len(self._paths)}"
-        _bind(_mesh(self.stage, name, points, index, counts).GetPrim(), path)
+        _bind(plain_mesh(self.stage, name, points, index, counts).GetPrim(), path)
         self._paths[id(solid)] = name
 
     def _sample(self, solid, keys):
