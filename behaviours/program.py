@@ -393,14 +393,10 @@ def known_brushes(program: Program, names: Iterable[str], file: str) -> list[Pro
     names = list(names)
     wrong = [(name, state.brush) for name, state in program.states.items() if state.brush and state.brush not in names]
     return [
-        Problem(file, _line_of(program, ("state", name, "brush")), f"state.{name}.brush",
+        Problem(file, parse_toml(program.source, program.name).line(("state", name, "brush")), f"state.{name}.brush",
                 f"there is no brush {shown(brush)}{did_you_mean(brush, names)}")
         for name, brush in wrong
     ]  # fmt: skip
-
-
-def _line_of(program: Program, key: Key) -> int | None:
-    return parse_toml(program.source, program.name).line(key)
 
 
 __all__ = ["Any", "Program", "ProgramLibrary", "State", "Trigger", "load_program", "save_program", "shipped_programs"]

@@ -144,7 +144,7 @@ def differing_packages(recorded, current):
     ]
 
 
-def some_of(names, shown=SHOWN):
+def some_of(names):
     """The first few names of many, in words."""
-    more = len(names) - shown
-    return ", ".join(names[:shown]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - SHOWN
+    return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")

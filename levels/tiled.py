@@ -68,7 +68,7 @@ def init(folder, library) -> list[Path]:
         written = write_project(folder, library)
         first = folder / "first.tmj"
         if not any(folder.glob("*.tmj")):
-            written.append(_first_level(first, library))
+            written.append(_first_level(first))
     except ProblemsError:  # it names the file
         raise
     except OSError as error:
@@ -78,7 +78,7 @@ def init(folder, library) -> list[Path]:
     return written
 
 
-def _first_level(path, library):
+def _first_level(path):
     """A herd on its way round a rock to a goal, an exit there, and others that come after: it never stops."""
     names = known_brushes(path.parent / BRUSHES_FILE)
     sketch = LevelSketch(40, 30, 1.0, "tilesets")

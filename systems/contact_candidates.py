@@ -27,9 +27,9 @@ class Contacts(NamedTuple):
     count: np.ndarray  # type: ignore[assignment]  # (slots,) int32: how many they are
 
 
-def contacts_within(reach, cells, width=LANES) -> Contacts:
-    """The bodies whose centres are nearer than ``reach``, m; ``width`` is the first guess of how many at most."""
-    m = len(cells.row)
+def contacts_within(reach, cells) -> Contacts:
+    """The bodies whose centres are nearer than ``reach``, m."""
+    m, width = len(cells.row), LANES  # width: a guess of how many at most
     order = itself = np.arange(m, dtype=np.int32)
     if cells.ghost.any():
         order, itself = order[~cells.ghost], cells.slot[cells.row]

@@ -38,7 +38,7 @@ class Marks(NamedTuple):
     y: np.ndarray
 
 
-def extract(marks: Marks, name="", provenance=None, samples=None, seed=0) -> Formation:
+def extract(marks: Marks, name="", provenance=None, samples=None) -> Formation:
     """Every frame of a movie as a formation.
 
     Parameters
@@ -51,7 +51,7 @@ def extract(marks: Marks, name="", provenance=None, samples=None, seed=0) -> For
     .. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
     """
     shapes = tuple(
-        extract_frame(x, y, frame, marks.birds, samples, seed)
+        extract_frame(x, y, frame, marks.birds, samples)
         for frame, x, y in zip(marks.frames, marks.x, marks.y, strict=True)
     )
     return Formation(name, shapes, provenance or {})

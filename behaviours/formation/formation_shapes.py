@@ -59,10 +59,10 @@ TEXTBOOK = {
 }  # curve, and the share of birds on the left
 
 
-def textbook(kind: str, birds: int, spacing: float = 1.25):
+def textbook(kind: str, birds: int):
     """A shape as it is drawn in books: (x, y), wingspans, the leader at the origin, birds from left to right."""
     curve, share = TEXTBOOK[kind]
-    x = spacing * (np.arange(birds) - int(share * birds))
+    x = 1.25 * (np.arange(birds) - int(share * birds))
     return x, curve.y(x)
 
 

@@ -20,13 +20,14 @@ from numba import njit
 
 PROXIMAL = 0.05  # μ; larger keeps nearer to the shape before
 ENOUGH = 1e-12  # of a bird's saving: residual at which to stop
+STEPS = 100  # at most
 
 
 class NoShape(ArithmeticError):
     """No shape has these shares, or the solver did not find it."""
 
 
-def solve_proximal(x, wanted, before, mu=PROXIMAL, steps=100):
+def solve_proximal(x, wanted, before, mu=PROXIMAL):
     """The shape nearest to what saves ``wanted``, not far from ``before``.
 
     Parameters
@@ -51,20 +52,20 @@ def solve_proximal(x, wanted, before, mu=PROXIMAL, steps=100):
         With ``mu`` 0 only, when no shape has these savings.
     """
     x, wanted, before = (np.ascontiguousarray(a, np.float64) for a in (x, wanted, before))
-    y, left = _newton(x, wanted, before, float(mu), int(steps))
+    y, left = _newton(x, wanted, before, float(mu))
     if left > 1e-9:
         raise NoShape("no shape saves these shares; widen the ranges, or solve with mu above 0")
     return y
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _newton(x, wanted, before, mu, steps):
+def _newton(x, wanted, before, mu):
     """Damped Newton on the proximal form: y and the largest residual.  No BLAS: its bits differ between machines."""
     n = len(x)
     y = before.copy()
     e, jacobian = power_and_jacobian(x, y)
     residual = wanted - e
-    for _ in range(steps):
+    for _ in range(STEPS):
         size = _square(residual)
         if _largest(residual) <= ENOUGH:
             break

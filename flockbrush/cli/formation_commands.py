@@ -234,12 +234,12 @@ def _cell(kind, birds, runs, seed, rules):
 PANEL, EDGE, SHOWN = 420, 34, 6
 
 
-def draw_formation(path, formation, theme="light"):
+def draw_formation(path, formation):
     """Draw up to six frames of a formation: birds, leader, outliers and the curve."""
     frames = formation.frames
     chosen = [frames[k] for k in np.unique(np.linspace(0, len(frames) - 1, SHOWN).round().astype(int))]
     panels = [(_title(frame), np.c_[frame.x, frame.y], frame.leader, frame.outliers, frame.curve) for frame in chosen]
-    _draw_panels(path, panels, theme)
+    _draw_panels(path, panels)
 
 
 def _title(frame):
@@ -250,12 +250,12 @@ def _draw_flight(path, places, flight):
     """Draw six frames of a flight; birds that change sides at any time have a ring."""
     chosen = np.unique(np.linspace(0, len(places) - 1, SHOWN).round().astype(int))
     ringed = {bird for crossing in flight.crossings if crossing is not None for bird in crossing.birds.tolist()}
-    _draw_panels(path, [(f"frame {k}", places[k], flight.left, ringed, None) for k in chosen], "light")
+    _draw_panels(path, [(f"frame {k}", places[k], flight.left, ringed, None) for k in chosen])
 
 
-def _draw_panels(path, panels, theme):
+def _draw_panels(path, panels):
     """Draw panels (title, points, leader, birds with a ring, curve) at one scale, in rows of three."""
-    look = theme_of(theme)
+    look = theme_of("light")
     columns = min(3, len(panels))
     rows = -(-len(panels) // columns)
     low = np.min([points.min(axis=0) for _, points, *_ in panels], axis=0) - 1.5

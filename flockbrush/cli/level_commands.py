@@ -297,10 +297,10 @@ def render_level(name, output, seconds, seed, agents, theme, palette):
     print_line(f"wrote {output}")
 
 
-def check_png(output, inputs=(), hint="-o"):
+def check_png(output, inputs=()):
     """Raise an error if a PNG cannot be written to this path."""
     if Path(output).suffix.lower() != ".png":
-        raise typer.BadParameter(f"the name of a picture must end in .png, got {str(output)!r}", param_hint=hint)
+        raise typer.BadParameter(f"the name of a picture must end in .png, got {str(output)!r}", param_hint="-o")
     check_exports([output], inputs)
 
 

@@ -119,11 +119,11 @@ def show_series(title, series, plot=None, unit="m"):
         print_line(f"wrote {plot}")
 
 
-def sparkline(values, width=24):
+def sparkline(values):
     """A plot in characters, from lowest to highest value; a space where the value is NaN."""
     marks = "▁▂▃▄▅▆▇█"
     values = np.array(values, float)
-    at = np.unique(np.linspace(0, len(values) - 1, min(width, len(values))).astype(int))
+    at = np.unique(np.linspace(0, len(values) - 1, min(24, len(values))).astype(int))
     shown = values[at]
     known = shown[np.isfinite(shown)]
     if not len(known):

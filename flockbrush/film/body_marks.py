@@ -17,7 +17,7 @@ def colour_at(image, x, y) -> tuple[int, int, int]:
     return int(red), int(green), int(blue)
 
 
-def body_mask(image, colour, near=NEAR) -> np.ndarray:
+def body_mask(image, colour) -> np.ndarray:
     """Where a picture (h, w, 3, blue first) has the body's colour, (h, w) bool: near in CIELAB.
 
     Parameters
@@ -29,4 +29,4 @@ def body_mask(image, colour, near=NEAR) -> np.ndarray:
     body = cv2.cvtColor(np.array([[colour[::-1]]], np.uint8), cv2.COLOR_BGR2LAB)[0, 0].astype(np.int16)
     away = lab - body
     light = 100 / 255  # of OpenCV's bytes
-    return (away[..., 0] * light) ** 2 + away[..., 1].astype(float) ** 2 + away[..., 2].astype(float) ** 2 <= near**2
+    return (away[..., 0] * light) ** 2 + away[..., 1].astype(float) ** 2 + away[..., 2].astype(float) ** 2 <= NEAR**2

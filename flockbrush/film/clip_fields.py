@@ -20,6 +20,7 @@ from flockbrush.film.pair_density import pairs_of_mask
 MOST_CELLS = 160_000
 SUB = 4  # points across a cell by which it is told how much of it is in the picture
 SEEN = 0.5  # of a cell in the picture: it is seen
+SIMPLE = 0.05  # BL by which a simplified outline may be off
 
 
 @dataclass(frozen=True)
@@ -246,7 +247,7 @@ def moments(cells, v, count, slow):
     return mean, speed, spread, turned
 
 
-def outlined(mask, grid: ClipGrid, scale, within=0.05) -> np.ndarray:
+def outlined(mask, grid: ClipGrid, scale) -> np.ndarray:
     """Edges of the connected patches of a mask, and of the holes in them.
 
     Parameters
@@ -256,8 +257,6 @@ def outlined(mask, grid: ClipGrid, scale, within=0.05) -> np.ndarray:
     grid : ClipGrid
     scale : float
         Pixels of the reference picture per pixel of the mask.
-    within : float
-        Tolerance of the simplified outline, BL.
 
     Returns
     -------
@@ -265,7 +264,7 @@ def outlined(mask, grid: ClipGrid, scale, within=0.05) -> np.ndarray:
         x0, y0, x1, y1 (BL) and the number of the patch.
     """
     many, patches = cv2.connectedComponents(mask, connectivity=4)
-    px = within / max(abs(grid.to_bl[0, 0]) * scale, 1e-12)
+    px = SIMPLE / max(abs(grid.to_bl[0, 0]) * scale, 1e-12)
     edges = [np.zeros((0, 5))]
     for k in range(1, many):
         # pixels are squares: a mask of twice the size has its border between them

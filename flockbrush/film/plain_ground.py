@@ -12,9 +12,10 @@ from flockbrush.film.stabilise import SIDE, GroundFollower
 
 PLAIN = 0.7  # least eigenvalue of the gradients, (grey levels)²: of grain alone .1 to .5, of faint grass 2
 ASTRAY = 3.0  # px at the corners of the picture by which the ground with and without animals may differ
+FIRST = 8  # frames that are compared
 
 
-def ground_alone(clip: Clip, animals, maps, frames=8) -> bool:
+def ground_alone(clip: Clip, animals, maps) -> bool:
     """Whether the first frames give the same camera motion from the ground without the animals.
 
     Raises
@@ -24,7 +25,7 @@ def ground_alone(clip: Clip, animals, maps, frames=8) -> bool:
     """
     follower = GroundFollower(animals, min(1.0, SIDE / max(clip.size)))
     corners = np.array([(0, 0), (clip.size[0], 0), (0, clip.size[1]), clip.size], float)
-    for k, picture in clip.read(range(min(frames, len(clip)))):
+    for k, picture in clip.read(range(min(FIRST, len(clip)))):
         if not follower.step(k, picture) or follower.bare:
             raise CannotObserve(
                 clip.name,

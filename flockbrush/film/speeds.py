@@ -176,9 +176,9 @@ def _crowd_of_fields(fields, occupied):
     return np.maximum(others[occupied], 0.0) / (np.pi * reach**2), np.asarray(fields.speed)[occupied], number[occupied]
 
 
-def _disc(radius, fine=9):
+def _disc(radius):
     """How much of each cell a disc about the middle of the central one covers, (k, k)."""
-    half = int(np.ceil(radius + 0.5))
+    half, fine = int(np.ceil(radius + 0.5)), 9  # points across a cell
     at = (np.arange((2 * half + 1) * fine) + 0.5) / fine - half - 0.5
     inside = (at[:, None] ** 2 + at[None, :] ** 2 <= radius**2).astype(float)
     side = 2 * half + 1

@@ -35,6 +35,7 @@ WINGED = 0.1  # of the blobs of single birds: if more have several peaks, wings 
 NEW = 0.8  # of the usual area for each bird of a blob in which fewer were foretold
 ROOM = 0.55  # of the usual area for each bird that was foretold in a blob
 ROUNDS = 8  # of k-means
+LEAST = 5  # px, area of a blob
 FAR = 1e6  # a cost that means: never
 
 
@@ -52,14 +53,12 @@ class Blob:
         return len(self.pixels)
 
 
-def blobs_of(image, least=5) -> list[Blob]:
+def blobs_of(image) -> list[Blob]:
     """The patches of a picture that differ from the sky.
 
     Parameters
     ----------
     image : (h, w, 3) or (h, w) uint8 ndarray
-    least : int
-        Smallest area, px.
     """
     away, threshold = away_from_sky(image)
     mask, away = (away > threshold).astype(np.uint8), away.astype(np.float32)
@@ -68,7 +67,7 @@ def blobs_of(image, least=5) -> list[Blob]:
     blobs = []
     for k in range(1, count):
         left, top, wide, tall, area = stats[k]
-        if area < least or max(wide, tall) > most:
+        if area < LEAST or max(wide, tall) > most:
             continue
         mine = (labels[top : top + tall, left : left + wide] == k).astype(np.uint8)
         y, x = np.nonzero(mine)

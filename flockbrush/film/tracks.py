@@ -289,9 +289,9 @@ def _third_differences(length):
     return bands
 
 
-def _probes(length, count=8):
-    """Fixed random signs, (length, count), for the trace estimate."""
-    return np.sign(Noise(0).uniform("probes", 0, np.arange(length), count) - 0.5)
+def _probes(length):
+    """Fixed random signs, (length, 8), for the trace estimate."""
+    return np.sign(Noise(0).uniform("probes", 0, np.arange(length), 8) - 0.5)
 
 
 def _best_stiffness(spans):

@@ -121,9 +121,9 @@ class Comparison:
         """A verdict for every measure that the clip determines."""
         return [v for v in map(self.verdict, (n for n in SHOWN if n in self.clip)) if np.isfinite(v.clip)]
 
-    def at_horizons(self, name, shares=HORIZONS) -> list[tuple[float, float]]:
-        """[(seconds, error)] of one of `ERRORS`, at these shares of the time; means over the simulations."""
-        rows = np.unique(np.round(np.asarray(shares) * (len(self.times) - 1)).astype(int))
+    def at_horizons(self, name) -> list[tuple[float, float]]:
+        """[(seconds, error)] of one of `ERRORS`, at `HORIZONS`; means over the simulations."""
+        rows = np.unique(np.round(np.asarray(HORIZONS) * (len(self.times) - 1)).astype(int))
         series = self.herd(name)
         return [(float(self.times[t]), float(series[t])) for t in rows]
 

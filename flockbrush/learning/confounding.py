@@ -75,7 +75,7 @@ def _confounded(correlation, k):
     return sorted(others, key=lambda pair: -abs(pair[1]))
 
 
-def correlation_of(information, least=1e-12) -> np.ndarray:
+def correlation_of(information) -> np.ndarray:
     """(k, k) correlation of the errors of estimates with this Fisher information; NaN where nothing is known."""
     scale = np.sqrt(np.diag(information))
     known = scale > 1e-9
@@ -83,7 +83,7 @@ def correlation_of(information, least=1e-12) -> np.ndarray:
     if known.any():
         at = np.ix_(known, known)
         values, vectors = np.linalg.eigh(information[at] / np.outer(scale[known], scale[known]))
-        covariance = (vectors / np.maximum(values, least)) @ vectors.T
+        covariance = (vectors / np.maximum(values, 1e-12)) @ vectors.T
         size = np.sqrt(np.diag(covariance))
         out[at] = covariance / np.outer(size, size)
     return out

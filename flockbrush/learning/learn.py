@@ -368,7 +368,7 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     )
     if interrupts.asked or None in (*checks, *theirs):
         return first
-    _refuse_strangers(wholes, checks, herd)
+    _refuse_strangers(wholes, checks)
     parts = (
         "each clip" if len(wholes) > 1 else f"{len(judged)} parts of the clip" if len(judged) > 1 else "the second part"
     )
@@ -384,7 +384,7 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     return again
 
 
-def _refuse_strangers(wholes, checks, herd):
+def _refuse_strangers(wholes, checks):
     """Refuse clips of which one is not met at all by the brush of all of them."""
     if len(wholes) < 2:
         return

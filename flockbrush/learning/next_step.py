@@ -190,28 +190,25 @@ def log_density(off, spread) -> np.ndarray:
     return CONSTANT - math.log(spread) - (FREEDOM + 1.0) / 2 * np.log1p((off / spread) ** 2 / FREEDOM)
 
 
-def mean_score(off, weight, spread=None) -> tuple[float, float]:
-    """Mean log likelihood of residuals under Student's t, and its scale.
+def mean_score(off, weight) -> tuple[float, float]:
+    """Mean log likelihood of residuals under Student's t, and its most likely scale, at least `SMALLEST`.
 
     Parameters
     ----------
     off : (n,) ndarray
         Residuals, rad.
     weight : (n,) ndarray
-    spread : float, optional
-        Scale, rad; by default the most likely one (expectation maximisation), at least `SMALLEST`.
 
     Returns
     -------
     (float, float)
-        Nats per turn, and the scale.
+        Nats per turn, and the scale, rad.
     """
     total = max(float(weight.sum()), 1e-12)
-    if spread is None:
-        spread = max(1.4826 * float(np.median(np.abs(off))), SMALLEST)
-        for _ in range(8):  # by expectation and maximisation
-            share = weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
-            spread = max(float(np.sqrt((share * off * off).sum() / total)), SMALLEST)
+    spread = max(1.4826 * float(np.median(np.abs(off))), SMALLEST)
+    for _ in range(8):  # by expectation and maximisation
+        share = weight * (FREEDOM + 1.0) / (FREEDOM + (off / spread) ** 2)
+        spread = max(float(np.sqrt((share * off * off).sum() / total)), SMALLEST)
     return float((weight * log_density(off, spread)).sum() / total), spread
 
 

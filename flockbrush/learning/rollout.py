@@ -281,15 +281,13 @@ class PlaneHerd:
     speed : SpeedSpec
     body, vision : BodySpec, VisionSpec
         The body's radius counts as a share of its length.
-    ids : (n,) int, optional
-        Entities, for noise; 1 to n by default, as in a fresh world.
     around : Surroundings
         Its gates are for `rollout`.
     """
 
     dt = DT
 
-    def __init__(self, start, params, speed, body=BODY, vision=VISION, *, seed=0, ids=None, around=OPEN):
+    def __init__(self, start, params, speed, body=BODY, vision=VISION, *, seed=0, around=OPEN):
         self.params, self.spec, self.noise = params, speed, Noise(seed)
         self.axis, self.radius = half_and_radius(body)
         self.range, self.vision = float(vision.range), vision
@@ -301,7 +299,7 @@ class PlaneHerd:
         self._tables()
         self.ids = np.zeros(0, np.int64)
         self._columns(0)
-        self.join(start, ids)
+        self.join(start)
 
     def _walls(self, walls):
         ends = np.zeros((0, 4)) if walls is None else walls.ends
@@ -350,12 +348,11 @@ class PlaneHerd:
         """Seconds since the start."""
         return self.tick_number * self.dt
 
-    def join(self, start, ids=None):
+    def join(self, start):
         """Animals more: they get the next ids."""
         n = len(start)
-        if ids is None:
-            ids = np.arange(self.next_id, self.next_id + n)
-        self.next_id = max(self.next_id, int(np.max(ids, initial=0)) + 1)
+        ids = np.arange(self.next_id, self.next_id + n)
+        self.next_id += n
         drawn = start.speed
         if drawn is None:
             chance = self.noise.normal("birth speed", self.tick_number, np.asarray(ids) - 1)[:, 0]

@@ -412,7 +412,7 @@ def _step(theta, now, free, damping):
     return out
 
 
-def cramer_rao(information, least=1e-12):
+def cramer_rao(information):
     """The least standard deviation that any estimate could have, by the Fisher information; inf without any."""
     scale = np.sqrt(np.diag(information))
     known = scale > 1e-9
@@ -421,6 +421,6 @@ def cramer_rao(information, least=1e-12):
         at = np.ix_(known, known)
         normal = information[at] / np.outer(scale[known], scale[known])
         values, vectors = np.linalg.eigh(normal)
-        inverse = (vectors**2 / np.maximum(values, least)).sum(1)
+        inverse = (vectors**2 / np.maximum(values, 1e-12)).sum(1)
         out[known] = np.sqrt(inverse) / scale[known]
     return out

@@ -16,14 +16,14 @@ WORDS = 90  # pixels for title, legend and scale
 def herd_of(simulation, moment: Moment):
     """The animals of a moment as the painter wants them."""
     from flockbrush.render.drawn_herd import DrawnHerd
-    from flockbrush.render.gaits import gaits_of, in_flight, wings_of
+    from flockbrush.render.gaits import Gaits, in_flight, wings_of
     from flockbrush.render.leader_marks import LeaderMarks
     from flockbrush.render.mesh_bodies import Postures
     from flockbrush.render.per_run import of_run
     from flockbrush.render.wakes import wakes_of
     from flockbrush.runs.catalogue import catalogue_of
 
-    palette, gaits = catalogue_of(simulation.world, labels=()).palette, gaits_of(simulation)
+    palette, gaits = catalogue_of(simulation.world, labels=()).palette, of_run(Gaits, simulation)
     clip, phase = gaits.of(moment)
     flying = in_flight(moment, palette)
     danger = palette.danger.astype(bool)

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.render.animal_looks import BEAT_ANGLE, CLIPS, GLIDING, LOOKS, mesh_of
-from flockbrush.render.per_run import of_run
 from flockbrush.runs.catalogue import catalogue_of
 
 BEAT, FASTEST_BEAT = 3.4, 6.0  # wing beats a second: of a bird 1 m long, and as many as can be seen in a video
@@ -126,8 +125,3 @@ class Gaits:
         beat = np.minimum(BEAT / np.sqrt(moment.length) * (1 + CLIMB * np.clip(climb, 0, 1)), FASTEST_BEAT)
         clip[rows], pace[rows] = FLY, beat[rows]
         clip[rows & (climb < SINKING)] = GLIDE
-
-
-def gaits_of(simulation) -> Gaits:
-    """The gaits of a run that all its pictures share: one film shows the steps that another shows."""
-    return of_run(Gaits, simulation)

@@ -62,12 +62,12 @@ def is_same(one, other):
     return True
 
 
-def hearts(cells, most=4):
-    """(iy, ix) of the cell farthest from the edge of each of the largest pieces of a region."""
+def hearts(cells):
+    """(iy, ix) of the cell farthest from the edge of each of the four largest pieces of a region."""
     import cv2
 
     count, pieces, stats, _ = cv2.connectedComponentsWithStats(cells.astype(np.uint8), connectivity=8)
-    largest = 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[:most]
+    largest = 1 + np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable")[:4]
     for piece in largest:
         deep = cv2.distanceTransform(np.pad(pieces == piece, 1).astype(np.uint8), cv2.DIST_L2, 3)[1:-1, 1:-1]
         heart = np.argwhere(deep > 0.95 * deep.max())

@@ -33,17 +33,17 @@ def test_a_march_and_a_mill_are_refused_together_with_the_evidence(clips, march)
     wholes = [clips["march"], clips["mill"]]
     checks = [judge(clip, march, {}, runs=2) for clip in wholes]
     with pytest.raises(ProblemsError) as told:
-        _refuse_strangers(wholes, checks, None)
+        _refuse_strangers(wholes, checks)
     assert "mill-filled: no single brush fits these clips" in str(told.value)
     assert "simulated; learn from each clip separately" in str(told.value)
 
 
 def test_two_clips_of_one_herd_are_learned_together(clips, march):
     wholes = [clips["march"], evidence_of_truth(herd("own:march", 30, 2.4, 12.5, 9), name="march 2")]
-    _refuse_strangers(wholes, [judge(clip, march, {}, runs=2) for clip in wholes], None)
+    _refuse_strangers(wholes, [judge(clip, march, {}, runs=2) for clip in wholes])
     with pytest.raises(ProblemsError):  # and one alone is never refused
-        _refuse_strangers([clips["mill"]] * 2, [judge(clips["mill"], march, {}, runs=2)] * 2, None)
-    _refuse_strangers([clips["mill"]], [judge(clips["mill"], march, {}, runs=2)], None)
+        _refuse_strangers([clips["mill"]] * 2, [judge(clips["mill"], march, {}, runs=2)] * 2)
+    _refuse_strangers([clips["mill"]], [judge(clips["mill"], march, {}, runs=2)])
 
 
 def learned_as(brush):
