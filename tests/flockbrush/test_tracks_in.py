@@ -10,7 +10,6 @@ from flockbrush.cli.main import called
 from flockbrush.film.observations import SIGHT_COLUMNS
 from flockbrush.film.open_clip import Looking, drawn_tracks, look_at, looked_apart
 from flockbrush.film.track_files import is_tracks, read_trajectories
-from flockbrush.output.export import Exports
 from flockbrush.output.run_table import read_run_table
 
 FPS, FRAMES, ANIMALS = 10.0, 40, 6
