@@ -14,22 +14,22 @@ from functools import singledispatchmethod
 import numpy as np
 from flockbrush.levels import geometry
 from flockbrush.levels.document_changes import MISSING, EditError, KeySet, TilesPut, put
-from flockbrush.levels.document_nodes import binds_some, every_layer, is_class
+from flockbrush.levels.document_nodes import binds_some, every_layer
 from flockbrush.levels.layer_reader import kind_of
 from flockbrush.levels.level_files import DiskFiles
-from flockbrush.levels.object_outlines import outline_of, reshape, shape_as
+from flockbrush.levels.map_objects import MapObjects
+from flockbrush.levels.object_outlines import outline_of
 from flockbrush.levels.playground_tiles import PlaygroundTiles
 from flockbrush.levels.schema import CLASSES, GROUP
 from flockbrush.levels.tile_data import FLIP_FLAGS, TileGrid
-from flockbrush.levels.tiled import project_member
 from flockbrush.systems.commands import AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing
 from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone, PlaceKey
+from flockbrush.systems.obstacle_commands import polygon_of
 from flockbrush.systems.painting import blended, cells_of
 
 HOME = {"brush": "brush", "cap": "speed", "surface": "terrain"}  # where they are painted
 OPACITY = {"brush": 0.4, "cap": 0.5, "surface": 1}
-_TYPES = {bool: "bool", int: "int", float: "float", str: "string"}  # of arguments, as Tiled calls them
 _ANY_FLAG = np.uint32(~FLIP_FLAGS & 0xFFFFFFFF)
 
 
@@ -50,7 +50,7 @@ class TileLayer:
         return rows, columns, inside
 
 
-class EditedMap:
+class EditedMap(MapObjects):
     """A document that commands can change.
 
     Parameters
@@ -209,103 +209,6 @@ class EditedMap:
         ids = [n.get("id", 0) for n in (nodes if layers else [o for n in nodes for o in n.get("objects", [])])]
         return max(int(self.data.get(key, 1)), max(ids, default=0) + 1)
 
-    # ------------------------------------------------------------ objects
-
-    def objects(self):
-        """(object, layer, dx, dy) of all."""
-        for node, dx, dy, _ in self.layers():
-            for thing in node.get("objects", []):
-                yield thing, node, dx, dy
-
-    def find(self, number, cls):
-        """(object, layer, dx, dy) of the object with this id, or None; EditError when it is something else."""
-        entry = next((o for o in self.objects() if o[0].get("id") == number), None)
-        if entry is not None and self.class_of(entry[0], entry[1]) != cls:
-            what = self.class_of(entry[0], entry[1]) or "not a Flockbrush object"
-            raise EditError(f"object {number} of the level is {what}, not {cls}")
-        return entry
-
-    def class_of(self, thing, node):
-        """The class of an object, its own or its layer's."""
-        home = kind_of(node.get("name", ""))
-        own = thing.get("class") or thing.get("type")
-        return own or next((c.name for c in CLASSES.values() if c.use == "object" and c.home == home), "")
-
-    def draw(self, number, cls, name, shape, points, properties):
-        """Add an object, or change the one with this id: its outline only if it is another."""
-        existing = self.find(number, cls)
-        if existing is None:
-            node, dx, dy = self.object_layer(cls)
-            version = str(self.data.get("version", ""))
-            thing: dict = {"class" if version == "1.9" else "type": cls}
-            thing |= {"height": 0, "id": number, "name": name, "rotation": 0, "visible": True, "width": 0}
-            shape_as(self.document, thing, shape, points, dx, dy)
-        else:
-            old, node, dx, dy = existing
-            thing = {**old, "name": name}
-            reshape(self.document, thing, shape, points, dx, dy)
-        self._tell(thing, CLASSES[cls], properties)
-        self._replace(node, number, thing)
-        if number >= self.data.get("nextobjectid", 0):
-            self.set(self.data, "nextobjectid", number + 1)
-
-    def _tell(self, thing, cls, properties):
-        """Properties: those that are there change, others are added when they are not the default."""
-        entries = [dict(entry) for entry in thing.get("properties", [])]
-        if cls.open:  # the arguments of another command
-            entries = [e for e in entries if e["name"] in properties or cls.property(e["name"]) or is_class(e, cls)]
-        whole = next((e for e in entries if isinstance(e["value"], dict) and is_class(e, cls)), None)
-        members = {} if whole is None else dict(whole["value"])
-        for name, value in properties.items():
-            p = cls.property(name)
-            entry = next((e for e in entries if e["name"] == name), None)
-            if name in members:
-                members[name] = value
-            elif p is None:
-                entries = [e for e in entries if e is not entry]
-                entries.append({"name": name, "type": _TYPES[type(value)], "value": value})
-            elif entry is None:
-                if value != p.default or p.required:
-                    entries.append({**project_member(p, "propertytype"), "value": value})
-            elif not (p.kind == "goal" and type(entry["value"]) is int and self._goal(entry["value"]) == value):
-                entry |= {"value": value, "type": "string"} if p.kind == "goal" else {"value": value}
-        if whole is not None:
-            whole["value"] = members
-        if entries:
-            thing["properties"] = sorted(entries, key=lambda e: e["name"])
-
-    def _goal(self, number):
-        """The name of the goal with this id."""
-        return next((o.get("name") or f"goal {number}" for o, *_ in self.objects() if o.get("id") == number), "")
-
-    def _replace(self, node, number, thing):
-        """Put an object in the place of the one with its id, behind all others when there is none; None: nothing."""
-        objects = node.get("objects", [])
-        new = [] if thing is None else [thing]
-        at = next((k for k, o in enumerate(objects) if o.get("id") == number), len(objects))
-        self.set(node, "objects", [*objects[:at], *new, *objects[at + 1 :]])
-
-    def drop(self, number, cls):
-        """Take an object out."""
-        existing = self.find(number, cls)
-        if existing is None:
-            raise EditError(f"the level has no {cls} with id {number}")
-        self._replace(existing[1], number, None)
-
-    def need_another_spawn(self, number):
-        """EditError where this is the level's only spawn: a level without animals is none, and could not be opened."""
-        others = [t for t, node, _, _ in self.objects() if t["id"] != number and self.class_of(t, node) == "Spawn"]
-        if not others:
-            raise EditError("this is the level's only spawn area; draw another first")
-
-    def need_unnamed(self, name):
-        """EditError while the level's script names this goal."""
-        for thing, node, _, _ in self.objects():
-            if self.class_of(thing, node) == "Key":
-                properties = {p["name"]: p["value"] for p in thing.get("properties", [])}
-                if properties.get("goal") == name:
-                    raise EditError(f"the script names goal {name!r} in object {thing['id']}; change that first")
-
     # ------------------------------------------------------------ commands
 
     @singledispatchmethod
@@ -396,7 +299,8 @@ class EditedMap:
                 properties["corners"] = "; ".join(
                     " ".join(f"{float(v):.12g}" for v in corner) for corner in command.corners
                 )
-            self.draw(command.id, "Obstacle", command.name, "area", command.polygon(), properties)
+            points = None if command.points is None else polygon_of(command.points, "an obstacle")
+            self.draw(command.id, "Obstacle", command.name, "area", points, properties)
 
     @do.register
     def _(self, command: RemoveObstacle):
@@ -416,10 +320,10 @@ class EditedMap:
     def _(self, command: PlaceGoal):
         properties = {"radius": command.radius, "on_arrive": command.on_arrive, "next": command.next}
         existing = self.find(command.id, "Goal")
-        shape, points = "point", np.array([(command.x, command.y)])
-        if existing is not None:
-            if existing[0].get("name") != command.name:
-                self.need_unnamed(existing[0].get("name"))
+        shape, points = "point", None if command.x is None else np.array([(command.x, command.y)])
+        if existing is not None and existing[0].get("name") != command.name:
+            self.need_unnamed(existing[0].get("name"))
+        if existing is not None and points is not None:
             before, outline = outline_of(self.document, existing[0], *existing[2:])
             if before == "area":
                 shape, points = before, outline + (points[0] - geometry.centroid(outline))

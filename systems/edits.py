@@ -117,10 +117,11 @@ class PlaceGoal(OfThing):
     """
 
     kind = "goal"
+    as_it_stands = ({"x": None, "y": None, "points": []},)
     id: int
     name: str
-    x: float
-    y: float
+    x: float | None  # m; x and y None: as the one with its id stands
+    y: float | None
     radius: float = 5.0  # m
     on_arrive: str = "stay"
     next: str = ""
@@ -135,8 +136,8 @@ class PlaceGoal(OfThing):
         others = [goal.name for k, goal in enumerate(land.goals) if k != index]
         need(self.name not in others, f"a goal named {self.name!r} already exists")
         check_bounds(self, Goal)
-        inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
-        need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
+        x, y = self.place(land)
+        need(0 <= x <= land.width and 0 <= y <= land.height, off_the_map(land, f"({x:g}, {y:g})"))
         names = [*others, self.name]
         if self.on_arrive == "next":
             need(self.next, "on_arrive is 'next', so next must name a goal")
@@ -153,12 +154,20 @@ class PlaceGoal(OfThing):
         same = (goal.id == self.id and (self.id or goal.name == self.name) for goal in land.goals)
         return next((k for k, matches in enumerate(same) if matches), None)
 
+    def place(self, land):
+        """(2,) m; ValueError when it is not told and there is no such goal yet."""
+        if self.x is not None and self.y is not None:
+            return np.array([self.x, self.y])
+        index = self.there(land)
+        need(self.x is self.y is None and index is not None, f"goal {self.name!r} needs x and y")
+        return land.goals[index].xy
+
     def ground_box(self, world):
         return "all"
 
     def apply(self, world):
         land = world.resource(Landscape)
-        index, xy = self.there(land), np.array([self.x, self.y])
+        index, xy = self.there(land), self.place(land)
         polygon = polygon_of(self.points, "a goal") if self.points else None
         if self.points == [] and index is not None and land.goals[index].polygon is not None:
             polygon = land.goals[index].polygon + (xy - land.goals[index].xy)

@@ -22,6 +22,18 @@ class ThingKind(NamedTuple):
 KINDS: dict[str, ThingKind] = {}
 
 
+def without_place(command, now):
+    """A command that changes a thing, without what it only repeats of where the thing stands and how high.
+
+    ``now`` is the command that puts the thing as it is.  The class of both says in ``as_it_stands`` which fields tell
+    this together, and with which values they leave it as it is.
+    """
+    for kept in getattr(command, "as_it_stands", ()):
+        if all(getattr(command, name) == getattr(now, name) for name in kept):
+            command = replace(command, **kept)
+    return command
+
+
 def lists_of(world, kind):
     """The lists of the things of a kind."""
     owner = world.resource(Nursery if kind == "spawn" else Landscape)
@@ -29,7 +41,10 @@ def lists_of(world, kind):
 
 
 class TouchedThings(NamedTuple):
-    """The things of a kind: a command replaces what it changes, and leaves the others as they are."""
+    """The things of a kind: a command replaces what it changes, and leaves the others as they are.
+
+    What is put back stays where it is by then, unless the command has moved it.
+    """
 
     kind: str
 
@@ -45,8 +60,10 @@ class TouchedThings(NamedTuple):
             changed = {thing.id or thing.name for _, thing in removed}
             added = [(k, thing) for k, thing in enumerate(now) if id(thing) not in stays]
             new = [(k, thing) for k, thing in added if (thing.id or thing.name) not in changed]
+            others = {thing.id: known.put(thing, k) for k, thing in added if thing.id in changed}
             out += [known.away(thing, k, n) for k, thing in reversed(new)]
             for k, thing in removed:
                 put = known.put(thing, k)
+                put = without_place(put, others[thing.id]) if thing.id in others else put
                 out.append(replace(put, born=born[k]) if born else put)
         return out

@@ -46,8 +46,9 @@ class AddObstacle:
     One with the ``id`` of an object in the level file takes the place of the one that has it.
     """
 
+    as_it_stands = ({"points": None}, {"z_min": None, "z_max": None}, {"shape": None, "corners": None})
     name: str
-    points: list
+    points: list | None  # None: as the one with its id stands
     solid: bool = True
     blocks_view: bool = True
     id: int = 0  # of the object in the level file; 0: it is in none
@@ -60,10 +61,11 @@ class AddObstacle:
 
     def check(self, world):
         land = world.resource(Landscape)
-        on_the_map(land, self.polygon())
+        polygon = self.polygon(land)
+        on_the_map(land, polygon)
         for glide in land.glides:
             if glide.name == self.name:  # it goes with it
-                on_the_map(land, self.polygon() + glide.by[:2])
+                on_the_map(land, polygon + glide.by[:2])
         need(self.id >= 0, f"id must be at least 0, got {self.id}")
         need(0 <= self.margin <= 1000, f"margin must be 0 to 1000 m, got {self.margin:g}")
         low, high, shape, corners = self.stand(land)
@@ -74,21 +76,25 @@ class AddObstacle:
 
     def stand(self, land):
         """(z_min, z_max, shape, corners); what is not told is as it was, or from the ground up."""
-        existing = next((b for b in land.obstacles if self.id and b.id == self.id), None)
-        usual = (0.0, 1000.0, "box", None)
-        if existing is not None:
+        index, usual = by_id(land.obstacles, self.id), (0.0, 1000.0, "box", None)
+        if index is not None:
+            existing = land.obstacles[index]
             usual = existing.z_min, existing.z_max, existing.shape, existing.corners
         given = self.z_min, self.z_max, self.shape, self.corners
         return tuple(b if a is None else a for a, b in zip(given, usual, strict=True))
 
-    def polygon(self):
+    def polygon(self, land):
         """(k, 2) m, counter-clockwise; ValueError when the points are none."""
-        return polygon_of(self.points, "an obstacle")
+        if self.points is not None:
+            return polygon_of(self.points, "an obstacle")
+        index = by_id(land.obstacles, self.id)
+        need(index is not None, f"obstacle {self.name!r} needs points: there is no obstacle {self.id} in this world")
+        return land.obstacles[index].polygon
 
     def ground_box(self, world):
-        things, box = world.resource(Landscape).obstacles, box_of(self.polygon())
-        index = by_id(things, self.id)
-        return box if index is None else around(box, box_of(things[index].polygon))
+        land = world.resource(Landscape)
+        box, index = box_of(self.polygon(land)), by_id(land.obstacles, self.id)
+        return box if index is None else around(box, box_of(land.obstacles[index].polygon))
 
     def touches(self, world):
         return [TouchedThings("obstacle")]
@@ -98,7 +104,7 @@ class AddObstacle:
         land = world.resource(Landscape)
         *stands, corners = self.stand(land)
         corners = np.array(corners, float) if stands[-1] == "hull" else None
-        stops = self.polygon(), self.solid, self.blocks_view, self.margin
+        stops = self.polygon(land), self.solid, self.blocks_view, self.margin
         barrier = Obstacle(self.id, self.name, *stops, *stands, corners)
         things = land.obstacles
         before, index = list(things), by_id(things, self.id)

@@ -21,6 +21,7 @@ from flockbrush.studio.help import Help
 from flockbrush.studio.panels.tuning import as_new
 from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name
 from flockbrush.studio.video_recorder import RunningVideo
+from flockbrush.systems.level_lists import without_place
 
 LEVELS = (".tmj", ".json")  # what level files end in
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
@@ -405,7 +406,7 @@ class AppActions:
 
         def give(texts):
             try:
-                edited = changed(command, texts)
+                edited = without_place(changed(command, texts), command)
                 return self.do(label, [*self.mix_needed(edited), edited])
             except ValueError as error:
                 self.notify(str(error), "error")

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from flockbrush.components import Leading, Position
 from flockbrush.levels.reader import read_level
-from flockbrush.systems.edits import MarkSpawn
+from flockbrush.systems.commands import MoveObstacle
+from flockbrush.systems.edits import MarkSpawn, MoveGoal, PlaceGoal
 from window import pygame
 
 from flockbrush.studio.forms import blank, changed, live_commands, rows_of
@@ -143,3 +144,33 @@ def test_tab_goes_from_field_to_field_and_changes_no_brush(window):
     assert window.brush == brush
     window.key("escape")
     assert len(window.agents[Position.xyz])
+
+
+def test_what_the_script_has_moved_stays_in_the_file_where_it_was_when_a_property_changes(window, tmp_path):
+    window.do("a goal", [PlaceGoal(window.new_id(), "well", 5.0, 13.0, 1.0)])
+    assert window.session.save(tmp_path / "moved.tmj")
+    before = window.session.editor.text()
+    window.session.timeline.perform([MoveObstacle("stone", 19.0, 9.0, 3.0), MoveGoal("well", 9.0, 3.0)])
+    window.session.step(1)
+    assert not window.session.dirty
+    window.move((12, 15))
+    window.key("p")
+    assert "first click an object" in window.said()[-1]
+    for place, row, value in (((19, 9.5), "margin", "0.5"), ((9, 3), "radius", "2")):
+        window.key("v")
+        window.click(place)
+        window.key("p")
+        fill(window, **{row: value})
+    (stone,), (goal,) = window.land.obstacles, window.land.goals
+    assert (stone.polygon.mean(0).tolist(), stone.z_min, stone.margin) == ([19.0, 9.0], 3.0, 0.5)
+    assert (goal.xy.tolist(), goal.radius) == ([9.0, 3.0], 2.0)
+    window.session.save(tmp_path / "moved.tmj")
+    level = read_level(tmp_path / "moved.tmj")
+    (stone,), (goal,) = level.obstacles, level.goals
+    assert (stone.polygon.mean(0).tolist(), stone.z_min, stone.margin) == ([16.0, 8.0], 0.0, 0.5)
+    assert (goal.xy.tolist(), goal.radius) == ([5.0, 13.0], 2.0)
+    window.key("ctrl+z")
+    window.key("ctrl+z")
+    assert window.session.editor.text() == before
+    assert window.land.obstacles[0].polygon.mean(0).tolist() == [19.0, 9.0]
+    assert window.said("error") == []

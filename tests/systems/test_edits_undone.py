@@ -18,6 +18,7 @@ from flockbrush.systems.commands import (
     AddObstacle,
     Migrate,
     MoveGoal,
+    MoveObstacle,
     PaintBrush,
     PaintCap,
     PaintCells,
@@ -172,6 +173,29 @@ def test_a_goal_that_is_in_no_level_file_is_put_back(command):
     assert settled(simulation) != before
     do(simulation, *back)
     assert settled(simulation) == before
+
+
+def test_a_property_of_what_has_moved_since_is_taken_back_where_it_is_by_then():
+    simulation = scene()
+    land = land_of(simulation)
+    do(simulation, MoveObstacle("barn", 26.5, 31.5, 1.0, seconds=10.0))
+    simulation.run(64)
+    (barn,), goal = land.obstacles, land.goals[0]
+    margin = do(simulation, AddObstacle("barn", barn.polygon.tolist(), id=20, margin=0.5, z_min=barn.z_min))
+    radius = do(simulation, PlaceGoal(21, "gate", *goal.xy.tolist(), radius=2.0))
+    assert land.obstacles[0].margin == 0.5 and land.goals[0].radius == 2.0
+    do(simulation, MoveGoal("gate", 20.0, 20.0))
+    simulation.run(192)
+    before = land.obstacles[0].polygon.copy()
+    do(simulation, *radius)
+    again = do(simulation, *margin)
+    assert (land.obstacles[0].polygon == before).all() and before.mean(0) == pytest.approx((27.5, 31.5))
+    assert (land.goals[0].xy.tolist(), land.goals[0].radius) == ([20.0, 20.0], 1.0)
+    simulation.run(80)
+    do(simulation, *again)
+    barn = land.obstacles[0]
+    assert barn.polygon.mean(0) == pytest.approx((26.5, 31.5))
+    assert (barn.z_min, barn.margin) == (pytest.approx(1.0), 0.5)
 
 
 # replay and snapshots --------------------------------------------------------------------------------------

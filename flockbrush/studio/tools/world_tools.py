@@ -64,7 +64,8 @@ def things_at(simulation, places, reach, kinds) -> list[tuple[str, object]]:
 
 def area_around(simulation, xy, kinds):
     """(kind, object) of the smallest area that a point of the ground lies in, or None."""
-    areas = [(kind, thing) for kind, thing in things(simulation) if kind in kinds and hasattr(thing, "polygon")]
+    of_kinds = [(kind, thing) for kind, thing in things(simulation) if kind in kinds]
+    areas = [(kind, thing) for kind, thing in of_kinds if getattr(thing, "polygon", None) is not None]
     around = [(kind, thing) for kind, thing in areas if inside([xy], thing.polygon)[0]]
     return min(around, key=lambda one: float(np.prod(np.ptp(np.asarray(one[1].polygon), axis=0))), default=None)
 
