@@ -261,7 +261,7 @@ class MarkSpawn(OfThing):
     def check(self, world):
         land = world.resource(Landscape)
         check_id(self)
-        world.resource(Palette).named(self.brush)
+        world.resource(Palette).named(self.brush, own=True)
         check_can_come(world, self.species, self.brush, self.program)
         need(0 <= self.count <= MOST, f"count must be 0 to {MOST}, got {self.count}")
         need(self.count or self.rate, "count must be at least 1, got 0")

@@ -82,7 +82,7 @@ def _check_species(fauna, names):
 
 
 def _check_brush(palette, zone):
-    palette.named(zone.brush)
+    palette.named(zone.brush, own=True)
     mixes = zone.bounds.blend != "mix" or zone.brush in palette.over
     need(
         mixes,

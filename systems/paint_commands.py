@@ -44,7 +44,7 @@ def number_of(world, layer, value):
         return NATIVE
     need(isinstance(value, str), f"a {layer} must be given by its name, got {value!r}")
     if layer == "brush":
-        return world.resource(Palette).named(value) if value else NO_BRUSH
+        return world.resource(Palette).named(value, own=True) if value else NO_BRUSH
     names = [kind.name for kind in world.resource(Landscape).kinds]
     need(not value or value in names, f"there is no ground called {value!r}{did_you_mean(value, names)}")
     return names.index(value) if value else BARE

@@ -167,12 +167,16 @@ class Palette:
         aloft = self.flies[brush]
         return aloft if aloft.any() else None
 
-    def named(self, name):
-        """Index of the brush of this name; LookupError with what there is."""
-        try:
+    def named(self, name, own=False):
+        """Index of the brush of this name, with ``own`` of none between two; LookupError with what there is."""
+        if name in self.index and not (own and self.over and is_step(name)):
             return self.index[name]
-        except KeyError:
-            raise LookupError(f"this world has no brush {name!r}; it has {', '.join(self.index) or 'none'}") from None
+        raise LookupError(f"this world has no brush {name!r}; it has {', '.join(b.name for b in self.own) or 'none'}")
+
+    def end(self, index):
+        """Index of the brush to which the brush at an index leads, one between two; of another one the same index."""
+        pairs = np.argwhere((self.mixes >= 0) & (self.mixes <= index) & (index < self.mixes + STEPS - 1))
+        return int(pairs[0, 1]) if len(pairs) else index
 
     def _tabulate(self):
         def column(value):

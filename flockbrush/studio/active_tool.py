@@ -237,12 +237,12 @@ class ActiveTool:
         return brush.colour if brush is not None else tuple(fallback_colours(1)[0])
 
     def brush_of(self, animal):
-        """Name of the brush that controls an animal now."""
+        """Name of the brush that controls an animal now; where paint mixes two, of the one that is painted."""
         from flockbrush.components import BrushBinding
 
-        simulation = self.session.simulation
-        index = simulation.world.component_for_entity(animal, BrushBinding).brush
-        return self.world_palette().names[int(index)]
+        palette = self.world_palette()
+        index = self.session.simulation.world.component_for_entity(animal, BrushBinding).brush
+        return palette.names[palette.end(int(index))]
 
     def choices(self, option):
         """{value: label} of an option with choices; {} of others."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.mixture import is_step
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.palette import Palette
 from small_pasture import pasture, verified
@@ -87,6 +88,25 @@ def test_a_zone_mixes_live_acts_at_once_is_taken_back_and_replays(window, tmp_pa
     names = [type(command).__name__ for _, command in verified(tmp_path / "mixed.flock").commands]
     assert names.count("MixBrush") == 1
     assert window.said("error") == []
+
+
+def test_a_mixed_animal_is_picked_with_the_brush_of_the_zone_and_paints_what_a_file_can_say(window, tmp_path):
+    window.key("u")
+    window.choose("brush", "swarm")
+    window.drag((1, 3), (23, 13))
+    window.key("v")
+    window.click((1, 7))
+    window.key("p")
+    window.dialog.entries["strength"].set_text("0.5")
+    window.key("return")
+    window.session.step(2)
+    assert set(map(is_step, window.behaviour())) == {True}
+    window.choose("brush", "graze")
+    window.key("i")
+    window.click(window.standing()[0])
+    assert window.brush == "swarm"
+    window.drag((20, 14), (22, 14))
+    assert saved(window, tmp_path).brush_layers[-1].assets == ["swarm"]
 
 
 def test_a_line_and_an_area_are_drawn_reshaped_and_deleted(window, tmp_path):

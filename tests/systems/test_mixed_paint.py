@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.mixture import STEPS, BrushPath, load_path, mixed, path_to_toml, step_name
 from flockbrush.components import BrushBinding
-from flockbrush.engine.commands import Commands
+from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.schema import BrushLayer, PaintBounds, Zone
 from flockbrush.systems.commands import SetParameter
+from flockbrush.systems.edits import MarkSpawn, Paint
 from flockbrush.systems.mark_commands import DrawZone
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.undo import ForgetBrush, MixBrush, UnmixBrush, UseBrush
@@ -211,3 +212,22 @@ def test_a_mix_that_cannot_be_says_why_and_changes_nothing():
         with pytest.raises(ValueError, match=said):
             queue.perform(simulation.world, [command])
         assert state_hash(simulation.world) == before
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        Paint("brush", step_name("walk", "run", 6), 5.0, 5.0, 9.0, 9.0, 2.0),
+        DrawZone(9, "pen", box(0, 0, 9, 9).tolist(), step_name("walk", "run", 6)),
+        MarkSpawn(9, "herd", box(0, 0, 9, 9).tolist(), step_name("walk", "run", 6), count=2),
+    ],
+    ids=["paint", "zone", "spawn"],
+)
+def test_a_level_is_given_no_brush_between_two_for_it_is_in_no_file(command):
+    simulation = herd(layer(), many=20)
+    palette = simulation.world.resource(Palette)
+    middle = palette.named(step_name("walk", "run", 6))
+    ends = [palette.end(k) for k in (middle, palette.named("walk"))]
+    assert [palette.names[k] for k in ends] == ["run", "walk"]
+    with pytest.raises(CommandError, match="no brush 'walk--run--6of12'; it has flock, run, walk"):
+        simulation.world.resource(Commands).perform(simulation.world, [command])
