@@ -389,7 +389,7 @@ class AppActions:
             try:
                 command = changed(shown_command, {row: text for row, text in texts.items() if row != "when"})
                 args = {row: value for row, value in said(command).items() if value != position.get(row)}
-                at = number(texts["when"])
+                at = number(texts["when"], "time")
                 needed = self.brush_needed(args["brush"]) if args.get("brush") else []
                 place = PlaceKey(key.id if key else self.new_id(), called, at, name, args, *xy)
                 return self.do("change a script key" if key else "place a script key", [*needed, place])
@@ -398,7 +398,10 @@ class AppActions:
                 return False
 
         menu = {"choices": list(known), "chosen": name, "choose": lambda other: self.ask_key(xy, key, other)}
-        rows = [FormRow("when", "time, s", f"{when:g}", "time of the command after the start"), *rows_of(shown_command)]
+        rows = [
+            FormRow("when", "time, s", f"{when:.12g}", "of the command after the start"),
+            *rows_of(shown_command),
+        ]
         self.open_dialog(Form(self, f"Script key {called!r}", rows, give, **menu))
 
     def _open_form(self, title, command, label, kind="", **menu):

@@ -126,10 +126,10 @@ def _value(name, text, kind):
     return math.radians(number) if name == "heading" else number
 
 
-def number(text) -> float:
-    """The number of a text; ValueError with what is wrong."""
+def number(text, label) -> float:
+    """The number of a text; ValueError with the label of its field, which may have a unit, and what is wrong."""
     if not _is_number(text):
-        raise ValueError(f"it must be a number, got {text!r}")
+        raise ValueError(f"{label.partition(',')[0]} must be a number, got {text!r}")
     return float(text)
 
 

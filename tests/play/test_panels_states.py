@@ -134,6 +134,33 @@ def test_a_wrong_value_becomes_a_message_and_changes_nothing(window):
     assert len(window.session.simulation.world.resource(Programs)) == 1
 
 
+def test_texts_typed_without_enter_are_taken_before_a_button_acts_and_when_the_fields_are_left(window):
+    panel = window.panel
+    panel.give("stampede")
+    window.wait()
+    write(window, element(window, "for", "stampede"), "1..2 s")
+    write(window, element(window, "emits", "graze"), "hush")
+    assert str(panel.program.states["stampede"].lasts) == "8..12 s"
+    add = next(button for button in panel.buttons if button.text == "Add trigger")
+    panel.scroll.vert_scroll_bar.set_scroll_from_start_percentage(0.9)
+    window.frames(2)
+    window.click(add)
+    assert str(panel.program.states["stampede"].lasts) == "1..2 s" and panel.program.states["graze"].emits == "hush"
+    assert len(panel.program.triggers) == 3
+    write(window, element(window, "for", "stampede"), "soon")
+    window.manager.set_focus_set(None)
+    window.wait()
+    assert str(panel.program.states["stampede"].lasts) == "1..2 s" and "must be a time" in window.said[-1][1]
+    assert element(window, "for", "stampede").get_text() == "1..2 s"
+
+
+def write(window, entry, text):
+    """Type into a field, without Enter."""
+    window.manager.set_focus_set(entry)
+    entry.set_text("")
+    window.type(text, enter=False)
+
+
 def test_a_program_is_saved_and_a_file_that_is_there_is_left_alone(window, tmp_path):
     window.panel.give("stampede")
     session = window.session

@@ -177,6 +177,46 @@ def test_times_of_the_panel_bound_an_edit(window, exported):
     same_as_exported(window, exported, 10, 20, 40)
 
 
+def test_a_time_that_is_typed_without_enter_bounds_the_edit_of_the_next_button(window):
+    window.click(next(iter(shown(window).values())))
+    made = panel(window)
+    for name, text in (("start", "0.5"), ("end", "1.25")):
+        write(window, made.times[name], text)
+    press(window, "Delete")
+    (edit,) = window.session.edits.file.layers[0].edits
+    assert (edit.start, edit.end) == (0.5, 1.25)
+    write(window, made.times["end"], "soon")
+    press(window, "Delete")
+    assert window.said("error")[-1] == "Until must be a number, got 'soon'"
+    assert len(window.session.edits.file.layers[0].edits) == 1
+    window.toasts.log.clear()
+    write(window, made.times["end"], "1.5")
+    window.manager.set_focus_set(None)
+    window.frames(2)
+    assert window.session.edits.end == 1.5
+
+
+def write(window, entry, text):
+    """Type into a field, without Enter."""
+    window.manager.set_focus_set(entry)
+    entry.set_text("")
+    for letter in text:
+        window.post(pygame.TEXTINPUT, text=letter)
+
+
+def test_now_is_the_moment_that_is_shown_to_the_tick(window):
+    window.session.step(395)
+    go_to(window, 395)
+    made = panel(window)
+    made._now("start")
+    assert window.session.edits.start == 12.34375 == window.session.clock.now
+    window.frames(2)
+    assert made.times["start"].get_text() == "12.34375"
+    made._now("end")
+    assert window.said("error").pop() == "the first time must be before the second one"
+    window.toasts.log.clear()
+
+
 def test_a_frozen_animal_stands_once_the_recording_was_passed_through(window, exported):
     go_to(window, 16)
     animal, place = next(iter(shown(window).items()))
@@ -198,7 +238,7 @@ def test_forms_ask_for_numbers_and_refuse_what_is_none(window, exported):
     press(window, "Retime ...")
     window.dialog.entries["speed"].set_text("fast")
     window.key("return")
-    assert window.dialog.alive() and window.toasts.log.pop().text == "it must be a number, got 'fast'"
+    assert window.dialog.alive() and window.toasts.log.pop().text == "times as fast must be a number, got 'fast'"
     window.dialog.entries["speed"].set_text("1000")
     window.key("return")
     assert window.dialog.alive() and window.toasts.log.pop().text == "speed must be from 0.01 to 100, got 1000"

@@ -5,13 +5,7 @@ from __future__ import annotations
 import math
 
 import pygame
-from pygame_gui import (
-    UI_BUTTON_PRESSED,
-    UI_CHECK_BOX_CHECKED,
-    UI_CHECK_BOX_UNCHECKED,
-    UI_DROP_DOWN_MENU_CHANGED,
-    UI_TEXT_ENTRY_FINISHED,
-)
+from pygame_gui import UI_BUTTON_PRESSED, UI_CHECK_BOX_CHECKED, UI_DROP_DOWN_MENU_CHANGED
 from pygame_gui.elements import (
     UIButton,
     UICheckBox,
@@ -24,10 +18,9 @@ from flockbrush.runs.edit_file import sentence_of
 from flockbrush.runs.run_edits import ALWAYS
 from flockbrush.runs.snapshots import words_of
 from flockbrush.studio.forms import Form, FormRow, number
-from flockbrush.studio.panels.panel import ScrollPanel, fit
+from flockbrush.studio.panels.panel import SWITCHED, FieldsPanel, fit
 
 CHOOSE, EVERYBODY, NEW = "Select all ...", "all animals", "new layer ..."
-SWITCHED = (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED)
 
 
 class Change:
@@ -62,7 +55,7 @@ CHANGES = {
 }  # fmt: skip
 
 
-class EditsPanel(ScrollPanel):
+class EditsPanel(FieldsPanel):
     """Shows the layers of edits, and makes edits of the selected animals."""
 
     title = "Edits"
@@ -71,7 +64,6 @@ class EditsPanel(ScrollPanel):
     def make(self):
         super().make()
         self.known = None
-        self.parts: list = []
         self.refresh()
 
     @property
@@ -82,10 +74,10 @@ class EditsPanel(ScrollPanel):
 
     def handle(self, event):
         element = getattr(event, "ui_element", None)
-        if event.type == UI_BUTTON_PRESSED and element in self.buttons:
+        if self.hear(event):
+            pass
+        elif event.type == UI_BUTTON_PRESSED and element in self.buttons:
             self.buttons[element]()
-        elif event.type == UI_TEXT_ENTRY_FINISHED and element in self.times.values():
-            self._take_times()
         elif event.type == UI_DROP_DOWN_MENU_CHANGED and element is self.selecting:
             self._select(event.text)
         elif event.type == UI_DROP_DOWN_MENU_CHANGED and element is self.layering:
@@ -119,21 +111,23 @@ class EditsPanel(ScrollPanel):
         self.soon()
 
     def _take_times(self):
-        """What the fields say of the time; what is no time is put back."""
+        """What the fields say of the time; what is no time is put back.  Whether it is one."""
+        self.known = None
         try:
-            start = number(self.times["start"].get_text())
+            start = number(self.times["start"].get_text(), "From")
             text = self.times["end"].get_text().strip()
-            end = ALWAYS if text in ("", "end") else number(text)
+            end = ALWAYS if text in ("", "end") else number(text, "Until")
             if not 0 <= start < end:
                 raise ValueError("the first time must be before the second one")
-            self.edits.start, self.edits.end = start, end
         except ValueError as error:
             self.app.notify(str(error), "error")
-        self.known = None
+            return False
+        self.edits.start, self.edits.end = start, end
+        return True
 
     def _now(self, name):
         """Let edits begin or end at the moment that is shown."""
-        self.times[name].set_text(f"{self.app.session.clock.now:g}")
+        self.times[name].set_text(f"{self.app.session.clock.now:.12g}")
         self._take_times()
 
     def _change(self, kind):
@@ -142,9 +136,11 @@ class EditsPanel(ScrollPanel):
             self.app.edit_recorded(kind)
             return
 
+        labels = {row.name: row.label for row in change.rows}
+
         def give(texts):
             try:
-                values = {name: text.strip() if name in ("brush", "species") else number(text)
+                values = {name: text.strip() if name in ("brush", "species") else number(text, labels[name])
                           for name, text in texts.items()}  # fmt: skip
                 self._check_names(values)
                 values = self._move(values) if kind == "move" else values
@@ -194,9 +190,8 @@ class EditsPanel(ScrollPanel):
 
     def _lay_out(self):
         """Make the widgets of what there is now."""
-        for part in self.parts:
-            part.kill()
-        self.parts, self.buttons, self.boxes, self.wait = [], {}, {}, None
+        self.clear()
+        self.buttons, self.boxes, self.wait = {}, {}, None
         self.half = (self.inner - self.px(6)) // 2
         y = self._selection(0)
         y = self._times(y)
@@ -211,7 +206,7 @@ class EditsPanel(ScrollPanel):
         offered = [CHOOSE, EVERYBODY] + [f"{column} {name}" for column in ("species", "brush", "state")
                                          for name in words[column] if name]  # fmt: skip
         place = pygame.Rect(0, y + self.px(28), self.inner, self.px(28))
-        self.selecting = self._part(UIDropDownMenu(offered, CHOOSE, place, self.manager, container=self.scroll))
+        self.selecting = self.part(UIDropDownMenu(offered, CHOOSE, place, self.manager, container=self.scroll))
         return y + self.px(64)
 
     def _times(self, y):
@@ -220,10 +215,10 @@ class EditsPanel(ScrollPanel):
         for name, (words, value) in ends.items():
             self._label(words, y, wide=self.px(72))
             field = pygame.Rect(self.px(76), y, self.inner - self.px(76 + 66), self.px(28))
-            text = "end" if math.isinf(value) else f"{value:g}"
-            self.times[name] = self._part(
-                UITextEntryLine(field, self.manager, container=self.scroll, initial_text=text)
-            )
+            text = "end" if math.isinf(value) else f"{value:.12g}"
+            entry = UITextEntryLine(field, self.manager, container=self.scroll, initial_text=text)
+            self.times[name] = self.part(entry)
+            self.fields[entry] = self._take_times
             self._button("Now", lambda name=name: self._now(name), self.inner - self.px(60), y, self.px(60))
             y += self.px(32)
         return y + self.px(6)
@@ -244,7 +239,7 @@ class EditsPanel(ScrollPanel):
         names = list(dict.fromkeys([*(layer.name for layer in edits.file.layers), edits.layer]))
         self._label("New edits go to", y, wide=self.half)
         place = pygame.Rect(self.half, y, self.inner - self.half, self.px(28))
-        self.layering = self._part(
+        self.layering = self.part(
             UIDropDownMenu([*names, NEW], edits.layer, place, self.manager, container=self.scroll)
         )
         y += self.px(36)
@@ -254,7 +249,7 @@ class EditsPanel(ScrollPanel):
                 pygame.Rect(0, y + self.px(4), side, side), layer.name, self.manager, container=self.scroll,
                 object_id="@check", initial_state=layer.on, tool_tip_text="Whether exports apply this layer",
             )  # fmt: skip
-            self.boxes[self._part(box)] = layer.name
+            self.boxes[self.part(box)] = layer.name
             remove = lambda name=layer.name: self.app.guard_edits(self.edits.remove_layer, name)  # noqa: E731
             self._button("×", remove, self.inner - self.px(28), y, self.px(26))
             y += self.px(30)
@@ -265,19 +260,15 @@ class EditsPanel(ScrollPanel):
 
     # widgets -----------------------------------------------------------------------
 
-    def _part(self, widget):
-        self.parts.append(widget)
-        return widget
-
     def _label(self, text, y, kind="@row", wide=None, left=0):
         room = (wide or self.inner) - left
         place = pygame.Rect(left, y, room, self.px(26))
-        label = self._part(UILabel(place, "", self.manager, container=self.scroll, object_id=kind))
+        label = self.part(UILabel(place, "", self.manager, container=self.scroll, object_id=kind))
         fit(label, text, room)
         return label
 
     def _button(self, words, action, x, y, wide):
         place = pygame.Rect(x, y, wide, self.px(28))
-        button = self._part(UIButton(place, words, self.manager, container=self.scroll, object_id="@small_button"))
+        button = self.part(UIButton(place, words, self.manager, container=self.scroll, object_id="@small_button"))
         self.buttons[button] = action
         return button

@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 import pygame
-from pygame_gui.elements import UIImage, UIScrollingContainer
+from pygame_gui import (
+    UI_BUTTON_PRESSED,
+    UI_CHECK_BOX_CHECKED,
+    UI_CHECK_BOX_UNCHECKED,
+    UI_DROP_DOWN_MENU_CHANGED,
+    UI_TEXT_ENTRY_CHANGED,
+    UI_TEXT_ENTRY_FINISHED,
+)
+from pygame_gui.elements import UIButton, UIDropDownMenu, UIImage, UIScrollingContainer
 
 from flockbrush.render.style import worn
 from flockbrush.studio.theme import chrome, font, px
@@ -11,6 +19,8 @@ from flockbrush.studio.widgets import fitted
 
 FRESH = 0.25  # s; numbers that change faster than this cannot be read, and cost time
 SCROLL_BAR = 20  # pixels, whatever the scale
+SWITCHED = (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED)
+_ACTS = (UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED, *SWITCHED)
 
 
 class Panel:
@@ -112,6 +122,69 @@ class ScrollPanel(Panel):
 
     def close(self):
         self.scroll.kill()
+
+
+class FieldsPanel(ScrollPanel):
+    """A tab with text fields: what is typed is taken with Enter, when the fields are left, and before a button acts.
+
+    Attributes
+    ----------
+    parts : list
+        The widgets of the layout.
+    fields : dict
+        {text field among them: what takes its text; False when it is refused}.
+    """
+
+    def make(self):
+        super().make()
+        self.parts: list = []
+        self._clear()
+
+    def _clear(self):
+        self.fields: dict = {}
+        self._typed: dict = {}  # fields whose text is not yet taken, in the order of typing
+        self._left = 0  # frames since nobody has used a widget
+
+    def clear(self):
+        """Take the widgets of the layout away."""
+        for part in self.parts:
+            part.kill()
+        self.parts = []
+        self._clear()
+
+    def part(self, widget):
+        """Add a widget to the layout."""
+        self.parts.append(widget)
+        return widget
+
+    def hear(self, event) -> bool:
+        """Note or take what is typed; whether the event asks for no more, or what was typed before it is refused."""
+        element = getattr(event, "ui_element", None)
+        if element in self.fields and event.type in (UI_TEXT_ENTRY_CHANGED, UI_TEXT_ENTRY_FINISHED):
+            self._typed[element] = None
+            if event.type == UI_TEXT_ENTRY_FINISHED:
+                self._settle()
+            return True
+        return event.type in _ACTS and element in self.parts and not self._settle()
+
+    def _settle(self):
+        takers, self._typed = dict.fromkeys(self.fields[field] for field in self._typed), {}
+        return False not in [take() for take in takers]
+
+    def update(self, dt):
+        used = any(field.is_focused for field in self.fields) or any(map(_is_held, self.parts))
+        self._left = 0 if used else self._left + 1
+        if self._typed and self._left > 1:  # a button that was let go in this frame is heard in the next one
+            self._settle()
+        super().update(dt)
+
+
+def _is_held(part):
+    """Whether the mouse button is down on a button, or a drop-down is open."""
+    if isinstance(part, UIDropDownMenu):
+        state = part.current_state
+        return state is not part.menu_states["closed"] or state.selected_option_button.held
+    return isinstance(part, UIButton) and part.held
 
 
 def palette_of(session):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import pygame
-from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED, UI_TEXT_ENTRY_FINISHED
+from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED
 from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UITextEntryLine
 
 from flockbrush.behaviours.program import load_program, shipped_programs
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.studio.panels.panel import ScrollPanel, fit
+from flockbrush.studio.panels.panel import FieldsPanel, fit
 from flockbrush.studio.panels.program_form import cards_of, changed, with_state, with_trigger, without
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.program_commands import Event, GiveProgram, UseProgram, heard
@@ -17,7 +17,7 @@ from flockbrush.systems.programs import Programs
 from flockbrush.systems.undo import UseBrush
 
 
-class StatesPanel(ScrollPanel):
+class StatesPanel(FieldsPanel):
     """Shows one program and changes it by commands, which can be undone."""
 
     title = "States"
@@ -25,7 +25,7 @@ class StatesPanel(ScrollPanel):
 
     def make(self):
         super().make()
-        self.number, self.shown, self.parts, self.rows, self.buttons = 0, None, [], {}, {}
+        self.number, self.shown, self.rows, self.buttons = 0, None, {}, {}
         self.counted: dict = {}
         self.refresh()
 
@@ -65,7 +65,9 @@ class StatesPanel(ScrollPanel):
 
     def handle(self, event):
         element = getattr(event, "ui_element", None)
-        if event.type in (UI_TEXT_ENTRY_FINISHED, UI_DROP_DOWN_MENU_CHANGED) and element in self.rows:
+        if self.hear(event):
+            return True
+        if event.type == UI_DROP_DOWN_MENU_CHANGED and element in self.rows:
             self._change(self.rows[element], event.text)
             return True
         if event.type == UI_BUTTON_PRESSED and element in self.buttons:
@@ -74,18 +76,19 @@ class StatesPanel(ScrollPanel):
         return False
 
     def _change(self, row, text):
-        if text != row.text:
-            self._edit(f"{row.label} of {row.path[1]}", lambda: changed(self.program, row, text))
+        """Change a row; False when the text is refused."""
+        return text == row.text or self._edit(f"{row.label} of {row.path[1]}", lambda: changed(self.program, row, text))
 
     def _edit(self, label, make):
         """Do what makes a new file; what is wrong with it becomes a message, and the form says what is so."""
         try:
             source = make()
-            self.put(label, source, self.program.name)
+            return self.put(label, source, self.program.name)
         except (ValueError, ProblemsError) as error:
             self.app.notify(str(error).splitlines()[0])
             self.shown = None
             self.soon()
+            return False
 
     def _ask_state(self):
         add = lambda name: self._edit(f"state {name}", lambda: with_state(self.program, name.strip()))  # noqa: E731
@@ -123,9 +126,8 @@ class StatesPanel(ScrollPanel):
 
     def _lay_out(self, program):
         """Make the widgets of a program's cards."""
-        for part in self.parts:
-            part.kill()
-        self.parts, self.rows, self.buttons, self.counted = [], {}, {}, {}
+        self.clear()
+        self.rows, self.buttons, self.counted = {}, {}, {}
         y = self._top(program)
         if program is not None:
             for card in cards_of(program, self._brushes()):
@@ -178,18 +180,16 @@ class StatesPanel(ScrollPanel):
             widget = UIDropDownMenu(list(row.choices), row.text, place, self.manager, container=self.scroll)
         else:
             widget = UITextEntryLine(place, self.manager, container=self.scroll, initial_text=row.text)
-        self.rows[widget] = row
-        self.parts.append(widget)
+            self.fields[widget] = lambda: self._change(row, widget.get_text())
+        self.rows[self.part(widget)] = row
 
     def _label(self, text, x, y, wide, kind="@row"):
         place = pygame.Rect(x, y, wide, self.px(26))
-        label = UILabel(place, "", self.manager, container=self.scroll, object_id=kind)
+        label = self.part(UILabel(place, "", self.manager, container=self.scroll, object_id=kind))
         fit(label, text, wide)
-        self.parts.append(label)
         return label
 
     def _button(self, words, action, x, y, wide):
         place = pygame.Rect(x, y, wide, self.px(28))
-        button = UIButton(place, words, self.manager, container=self.scroll, object_id="@small_button")
+        button = self.part(UIButton(place, words, self.manager, container=self.scroll, object_id="@small_button"))
         self.buttons[button] = action
-        self.parts.append(button)
