@@ -67,6 +67,7 @@ class EditedMap(MapObjects):
     """
 
     def __init__(self, document, library, files=None):
+        super().__init__()
         self.document, self.data = document, document.data
         self.files = DiskFiles(document.path) if files is None else files
         self.changes: list = []
@@ -292,15 +293,14 @@ class EditedMap(MapObjects):
 
     @do.register
     def _(self, command: AddObstacle):
-        if command.id:
-            names = "solid", "blocks_view", "margin", "z_min", "z_max", "shape"
-            properties = {name: value for name in names if (value := getattr(command, name)) is not None}
-            if command.corners is not None:
-                properties["corners"] = "; ".join(
-                    " ".join(f"{float(v):.12g}" for v in corner) for corner in command.corners
-                )
-            points = None if command.points is None else polygon_of(command.points, "an obstacle")
-            self.draw(command.id, "Obstacle", command.name, "area", points, properties)
+        names = "solid", "blocks_view", "margin", "z_min", "z_max", "shape"
+        properties = {name: value for name in names if (value := getattr(command, name)) is not None}
+        if command.corners is not None:
+            properties["corners"] = "; ".join(
+                " ".join(f"{float(v):.12g}" for v in corner) for corner in command.corners
+            )
+        points = None if command.points is None else polygon_of(command.points, "an obstacle")
+        self.draw(command.id, "Obstacle", command.name, "area", points, properties, command.at)
 
     @do.register
     def _(self, command: RemoveObstacle):
@@ -309,17 +309,17 @@ class EditedMap(MapObjects):
             return
         for thing, node, _, _ in list(self.objects()):
             if thing.get("name") == command.name and self.class_of(thing, node) == "Obstacle":
-                self._replace(node, thing["id"], None)
+                self.drop(thing["id"], "Obstacle")
 
     @do.register
     def _(self, command: DrawGuide):
         properties = {name: getattr(command, name) for name in ("strength", "radius", "decay", "goal", "loop")}
-        self.draw(command.id, "Guide", command.name, "line", command.points, properties)
+        self.draw(command.id, "Guide", command.name, "line", command.points, properties, command.at)
 
     @do.register
     def _(self, command: PlaceGoal):
         properties = {"radius": command.radius, "on_arrive": command.on_arrive, "next": command.next}
-        existing = self.find(command.id, "Goal")
+        existing = self.known(command.id, "Goal")
         shape, points = "point", None if command.x is None else np.array([(command.x, command.y)])
         if existing is not None and existing[0].get("name") != command.name:
             self.need_unnamed(existing[0].get("name"))
@@ -329,7 +329,7 @@ class EditedMap(MapObjects):
                 shape, points = before, outline + (points[0] - geometry.centroid(outline))
         if command.points:
             shape, points = "area", np.array(command.points, float)
-        self.draw(command.id, "Goal", command.name, shape, points, properties)
+        self.draw(command.id, "Goal", command.name, shape, points, properties, command.at)
 
     @do.register
     def _(self, command: MoveGoal):
@@ -345,31 +345,31 @@ class EditedMap(MapObjects):
 
     @do.register
     def _(self, command: PlaceExit):
-        self.draw(command.id, "Exit", command.name, "area", np.array(command.points, float), {})
+        self.draw(command.id, "Exit", command.name, "area", np.array(command.points, float), {}, command.at)
 
     @do.register
     def _(self, command: DrawZone):
         properties = {p.name: getattr(command, p.name) for p in CLASSES["Zone"].properties}
-        self.draw(command.id, "Zone", command.name, "area", np.array(command.points, float), properties)
+        self.draw(command.id, "Zone", command.name, "area", np.array(command.points, float), properties, command.at)
 
     @do.register
     def _(self, command: DrawLine):
-        self.draw(command.id, "Line", command.name, "line", command.points, {})
+        self.draw(command.id, "Line", command.name, "line", command.points, {}, command.at)
 
     @do.register
     def _(self, command: DrawArea):
-        self.draw(command.id, "Area", command.name, "area", np.array(command.points, float), {})
+        self.draw(command.id, "Area", command.name, "area", np.array(command.points, float), {}, command.at)
 
     @do.register
     def _(self, command: PlaceKey):
-        existing, xy = self.find(command.id, "Key"), np.array([(command.x, command.y)])
+        existing, xy = self.known(command.id, "Key"), np.array([(command.x, command.y)])
         shape, points = "point", xy
         if existing is not None:
             shape, outline = outline_of(self.document, existing[0], *existing[2:])
             points = outline + (xy - (geometry.centroid(outline) if shape == "area" else outline[0]))
         properties = {name: value for name, value in command.args.items() if not isinstance(value, list)}
         properties |= {"at": command.when, "command": command.command}
-        self.draw(command.id, "Key", command.name, shape, points, properties)
+        self.draw(command.id, "Key", command.name, shape, points, properties, command.at)
 
     @do.register
     def _(self, command: MarkSpawn):
@@ -381,11 +381,11 @@ class EditedMap(MapObjects):
             "depth": command.depth, "program": command.program,
             "family_size": command.family_size,
         }  # fmt: skip
-        existing = self.find(command.id, "Spawn")
+        existing = self.known(command.id, "Spawn")
         given = {p["name"] for p in existing[0].get("properties", [])} if existing else set()
         if "density" in given:
             properties["density"] = 0.0
-        self.draw(command.id, "Spawn", command.name, "area", np.array(command.points, float), properties)
+        self.draw(command.id, "Spawn", command.name, "area", np.array(command.points, float), properties, command.at)
 
     @do.register
     def _(self, command: RemoveThing):

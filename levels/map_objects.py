@@ -13,7 +13,13 @@ _TYPES = {bool: "bool", int: "int", float: "float", str: "string"}  # of argumen
 
 
 class MapObjects:
-    """The objects of an `EditedMap`."""
+    """The objects of an `EditedMap`.
+
+    An object that was taken out and is drawn again comes back as it was, in its layer.
+    """
+
+    def __init__(self):
+        self._dropped: dict = {}  # (object, layer, dx, dy) by id and class
 
     def objects(self):
         """(object, layer, dx, dy) of all."""
@@ -29,15 +35,28 @@ class MapObjects:
             raise EditError(f"object {number} of the level is {what}, not {cls}")
         return entry
 
+    def known(self, number, cls):
+        """As `find`; of an object that was taken out, while its layer is there, what `find` gave before."""
+        entry = self.find(number, cls)
+        if entry is None:
+            once = self._dropped.get((number, cls))
+            entry = once if once and any(node is once[1] for node, *_ in self.layers()) else None
+        return entry
+
     def class_of(self, thing, node):
         """The class of an object, its own or its layer's."""
         home = kind_of(node.get("name", ""))
         own = thing.get("class") or thing.get("type")
         return own or next((c.name for c in CLASSES.values() if c.use == "object" and c.home == home), "")
 
-    def draw(self, number, cls, name, shape, points, properties):
-        """Add an object, or change the one with this id: its outline only if it is another; points None: as it is."""
-        existing = self.find(number, cls)
+    def draw(self, number, cls, name, shape, points, properties, at=-1):
+        """Add an object, or change the one with this id: its outline only if it is another; points None: as it is.
+
+        A new one becomes number ``at`` of its class, or stands behind all others.
+        """
+        if not number:
+            raise EditError(f"{cls.lower()} {name!r} has no id, so no level file can hold it")
+        existing = self.known(number, cls)
         if existing is None and points is None:
             raise EditError(f"the level has no {cls} with id {number}")
         if existing is None:
@@ -52,7 +71,7 @@ class MapObjects:
             if points is not None:
                 reshape(self.document, thing, shape, points, dx, dy)
         self._tell(thing, CLASSES[cls], properties)
-        self._replace(node, number, thing)
+        self._replace(node, number, thing, cls, at)
         if number >= self.data.get("nextobjectid", 0):
             self.set(self.data, "nextobjectid", number + 1)
 
@@ -85,19 +104,25 @@ class MapObjects:
         """The name of the goal with this id."""
         return next((o.get("name") or f"goal {number}" for o, *_ in self.objects() if o.get("id") == number), "")
 
-    def _replace(self, node, number, thing):
-        """Put an object in the place of the one with its id, behind all others when there is none; None: nothing."""
+    def _replace(self, node, number, thing, cls, at):
+        """Put an object in the place of the one with its id; where there is none, before number ``at`` of its class."""
         objects = node.get("objects", [])
-        new = [] if thing is None else [thing]
-        at = next((k for k, o in enumerate(objects) if o.get("id") == number), len(objects))
-        self.set(node, "objects", [*objects[:at], *new, *objects[at + 1 :]])
+        here = next((k for k, o in enumerate(objects) if o.get("id") == number), None)
+        if here is not None:
+            self.set(node, "objects", [*objects[:here], thing, *objects[here + 1 :]])
+            return
+        same = [(o, layer) for o, layer, *_ in self.objects() if at >= 0 and self.class_of(o, layer) == cls]
+        after = [id(o) for o, layer in same[at:] if layer is node]
+        here = next((k for k, o in enumerate(objects) if id(o) in after), len(objects))
+        self.set(node, "objects", [*objects[:here], thing, *objects[here:]])
 
     def drop(self, number, cls):
         """Take an object out."""
         existing = self.find(number, cls)
         if existing is None:
             raise EditError(f"the level has no {cls} with id {number}")
-        self._replace(existing[1], number, None)
+        thing, node, *_ = self._dropped[number, cls] = existing
+        self.set(node, "objects", [o for o in node["objects"] if o is not thing])
 
     def need_another_spawn(self, number):
         """EditError where this is the level's only spawn: a level without animals is none, and could not be opened."""

@@ -14,6 +14,7 @@ from flockbrush.levels.editor import EditError, Editor
 from flockbrush.levels.level_writer import Document
 from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing
+from flockbrush.systems.mark_commands import DrawZone
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_level import GRASS, MARCH, SLOW, herd, objects, polyline, thing, tiles
@@ -319,11 +320,33 @@ def test_a_spawn_with_a_density_is_counted_once_it_is_edited():
 def test_an_obstacle_without_an_id_is_in_no_file_and_by_name_all_of_it_go():
     rocks = [thing(n, "Obstacle", 16 * n, 16, 8, 8, "rock") for n in (5, 6)]
     edit = editor(tiles(), objects("spawns", herd()), objects("obstacles", *rocks))
-    start = edit.text()
-    done(edit, AddObstacle("rock", [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]))
-    assert edit.text() == start
+    start, rock = edit.text(), AddObstacle("rock", [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]])
+    for change in (done, lambda edit, command: edit.recorded([command], 3)):
+        with pytest.raises(EditError, match="obstacle 'rock' has no id, so no level file can hold it"):
+            change(edit, rock)
+        assert edit.text() == start
     done(edit, RemoveObstacle("rock"))
     assert read(edit).obstacles == []
+
+
+def test_what_a_recorded_run_took_away_and_brought_back_stands_where_it_stood_and_loses_nothing():
+    point, note = {"point": True, "studio_note": [1]}, {"studio_note": [2]}
+    goals = [thing(n, "Goal", 16 * n, 16, name=name, extra=point, radius=2.0) for n, name in ((5, "gate"), (6, "well"))]
+    zones = [thing(n, "Zone", 16, 16, 32, 32, f"zone {n}", note, brush="march", strength=0.5) for n in (7, 8, 9)]
+    edit = editor(tiles(), objects("spawns", herd()), objects("goals", *goals), objects("zones", *zones))
+    before, start = read(edit), edit.document.data["layers"][2:]
+    start = [json.loads(json.dumps(layer)) for layer in start]
+    first, middle = before.goals[0], before.zones[1]
+    back = [
+        PlaceGoal(5, "gate", *first.xy.tolist(), 2.0, points=None, at=0),
+        DrawZone(8, "zone 8", middle.polygon.tolist(), "march", strength=0.5, at=1),
+    ]
+    for tick, command in enumerate([RemoveThing("goal", 5), RemoveThing("zone", 8), *back]):
+        edit.recorded([command], tick)
+    assert edit.document.data["layers"][2:] == start
+    assert edit.at(9).document.data["layers"][2:] == start
+    edit.recorded([DrawZone(40, "new", [[1.0, 1.0], [3.0, 1.0], [3.0, 3.0]], "graze", at=1)], 9)
+    assert [zone.id for zone in read(edit).zones] == [7, 40, 8, 9]
 
 
 def test_the_corners_of_a_hull_are_in_the_file():
