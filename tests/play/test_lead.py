@@ -5,6 +5,7 @@ import pytest
 from flockbrush.components import Leading, Position
 from flockbrush.components.agent import DIRECTION, NOWHERE, POINT
 from flockbrush.engine.state import state_hash
+from flockbrush.systems.edits import PlaceExit
 from small_pasture import pasture
 from window import Window, pygame
 
@@ -86,6 +87,25 @@ def test_one_hold_is_one_step_of_undo_and_replays_the_same_bits(window):
     window.session.scrub(2)
     window.session.scrub(tick)
     assert state_hash(window.session.simulation.world) == there
+
+
+@pytest.mark.parametrize("by", ["mouse", "keys"])
+def test_an_animal_that_is_led_out_of_the_world_is_let_go(window, by):
+    window.do("exit", [PlaceExit(window.new_id(), "gate", [[0.0, 0.0], [24.0, 0.0], [24.0, 16.0], [0.0, 16.0]])])
+    if by == "mouse":
+        window.press((12, 4))
+    else:
+        hold(window, "d")
+        hold(window, "s")
+    window.session.step(2)
+    assert not len(window.agents)
+    for x in (14, 16):
+        window.move((x, 8))
+    let_go(window, "s")
+    let_go(window, "d")
+    window.release((16, 8))
+    assert window.said() == ["no animal is led: click an animal first"] * (by == "mouse")
+    assert window.tool.place is None and not window.tool.held
 
 
 def test_without_an_animal_it_says_what_to_do(window):

@@ -8,6 +8,8 @@ from flockbrush.systems.palette import Palette
 from small_pasture import pasture, verified
 from window import Window
 
+from flockbrush.studio.tools.world_tools import things
+
 
 @pytest.fixture
 def window(tmp_path, in_own_folder):
@@ -185,3 +187,28 @@ def test_a_stone_is_moved_by_its_middle(window):
     window.key("v")
     window.drag((16, 8.7), (19, 11.7))
     assert window.land.barriers[0].polygon - before == pytest.approx(np.full((len(before), 2), 3.0), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("key", "start", "end", "told"),
+    [("g", (3, 4), (9, 4), "guide"), ("h", (9, 4), (9, 4), "goal"), ("y", (3, 4), (9, 4), "counting line")],
+    ids=["guide", "goal", "line"],
+)
+def test_what_vanishes_while_it_is_dragged_is_said(window, key, start, end, told):
+    window.session.step(2)
+    window.key(key)
+    window.drag(start, end)
+    kind = window.tool.name
+    window.session.step(2)
+    window.press(end)
+    window.move((12, 5))
+    window.session.step(-3)
+    window.move((12, 6))
+    window.release((12, 6))
+    assert window.said() == [f"this {told} is no longer there"]
+    assert window.session.undo_label is None
+    window.key("v")
+    window.session.step(3)
+    window.drag(end, (14, 6))
+    moved = next(thing for one, thing in things(window.session.simulation)[::-1] if one == kind)
+    assert np.allclose(moved.xy if kind == "goal" else moved.points.max(0), (14, 6), atol=0.2)

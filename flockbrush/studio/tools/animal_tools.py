@@ -7,7 +7,7 @@ import numpy as np
 from flockbrush.render.style import rgb
 from flockbrush.studio.outlines import rows
 from flockbrush.studio.tools.tool import Stroke, Tool
-from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name, moved, outline, things
+from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, change, free_name, moved, outline, thing_of
 
 
 class AddAnimalsTool(Stroke):
@@ -147,14 +147,12 @@ class Select(Tool):
         if not held.id:
             self.app.notify(f"this {kind} is not an object of the level", "warning")
             return
-        self.app.do(f"move the {SPOKEN.get(kind, kind)}", [moved(self.app, kind, held, np.subtract(xy, start))])
+        shift = np.subtract(xy, start)
+        change(self.app, f"move the {SPOKEN.get(kind, kind)}", *self.thing, lambda command: moved(command, shift))
 
     def held(self):
         """The selected thing as it is now, or None."""
-        for kind, thing in things(self.app.session.simulation):
-            if self.thing == (kind, getattr(thing, "id", None)):
-                return thing
-        return None
+        return thing_of(self.app.session.simulation, *self.thing) if self.thing else None
 
     def cancel(self) -> bool:
         going = self.thing is not None or self.app.selected is not None

@@ -43,6 +43,8 @@ class Lead(Tool):
             self._send_to(xy)
 
     def drag(self, xy):
+        if self.place is not None and not self._is_there():  # it has left the world
+            self._free()
         start = self.place or self._position()
         if start is not None and np.hypot(xy[0] - start[0], xy[1] - start[1]) >= self.reach(STEP):
             self._send_to(xy)
@@ -56,8 +58,9 @@ class Lead(Tool):
     def hear(self, key, down) -> bool:
         if key not in WAYS:
             return False
-        if down and self._position() is None:  # arrows move the view then; a letter must not take another tool
-            return len(key) == 1 and not self._is_there()
+        if self._position() is None:  # arrows move the view then; a letter must not take another tool
+            self.let_go()
+            return down and len(key) == 1 and not self._is_there()
         (self.held.add if down else self.held.discard)(key)
         east, north = (sum(WAYS[one][axis] for one in self.held) for axis in (0, 1))
         size = float(np.hypot(east, north))

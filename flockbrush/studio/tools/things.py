@@ -10,7 +10,7 @@ import pygame
 from flockbrush.levels.geometry import distance_to_line
 from flockbrush.studio.outlines import box, rows, swath, thinned
 from flockbrush.studio.tools.tool import Tool
-from flockbrush.studio.tools.world_tools import free_name, moved, outline, things
+from flockbrush.studio.tools.world_tools import change, free_name, moved, outline, thing_of, things
 
 CLICK = 6.0  # pixels the mouse may move and it is still a click
 DOUBLE = 0.4  # s between the two presses of a double click
@@ -180,8 +180,8 @@ class PathTool(ShapeTool):
 
     def __init__(self, app):
         super().__init__(app)
-        self.held = None  # (line, points, index) while a point is dragged
-        self.hot = None  # (line, index) of the point under the mouse
+        self.held = None  # (id, points, index) while a point is dragged
+        self.hot = None  # (id, index) of the point under the mouse
 
     def press(self, xy, button, mods):
         if button == 3:
@@ -207,13 +207,13 @@ class PathTool(ShapeTool):
         hit = self._point_at(xy)
         if hit is not None:
             line, index = hit
-            self.held = (line, [tuple(p) for p in np.asarray(line.points).tolist()], index)
+            self.held = (line.id, [tuple(p) for p in np.asarray(line.points).tolist()], index)
             return True
         for _, line in self.app.things_at([xy], self.reach(), kinds=(self.name,)):
             _, segment = distance_to_line(np.asarray(xy), *outline(self.name, line))
             points = [tuple(p) for p in np.asarray(line.points).tolist()]
             points.insert(segment + 1, xy)
-            self.held = (line, points, segment + 1)
+            self.held = (line.id, points, segment + 1)
             return True
         return False
 
@@ -238,28 +238,29 @@ class PathTool(ShapeTool):
         if len(line.points) <= 2:
             self.app.do(f"remove {self.spoken}", [RemoveThing(self.name, line.id)])
         else:
-            self._reshape(line, np.delete(np.asarray(line.points), index, axis=0), "delete a point")
+            self._reshape(line.id, np.delete(np.asarray(line.points), index, axis=0), "delete a point")
         return True
 
     def delete(self) -> bool:
         return super().delete() or (self.at is not None and self._drop(self.at))
 
     def move(self, xy):
-        self.hot = None if self.points else self._point_at(xy)
+        hit = None if self.points else self._point_at(xy)
+        self.hot = None if hit is None else (hit[0].id, hit[1])
 
     def drag(self, xy):
         if self.held is not None:
-            line, points, index = self.held
+            _, points, index = self.held
             points[index] = xy
         elif self.dragging and not self.is_near(xy, self.points[-1]):
             self.points.append(xy)
 
     def release(self, xy):
         if self.held is not None:
-            line, points, index = self.held
+            number, points, index = self.held
             self.held = None
             points[index] = xy
-            return self._reshape(line, points, f"reshape {self.spoken}")
+            return self._reshape(number, points, f"reshape {self.spoken}")
         if self.dragging:
             self.dragging = False
             if len(self.points) > 1:  # drawn in one go
@@ -281,11 +282,8 @@ class PathTool(ShapeTool):
         name = free_name(app.session.simulation, self.name)
         app.do(f"draw {self.spoken}", [self.command(app.new_id(), name, rows(points))])
 
-    def _reshape(self, line, points, label):
-        from flockbrush.systems.edits import as_command
-
-        command = as_command(self.app.session.simulation.world, self.name, line.id)
-        self.app.do(label, [replace(command, points=rows(points))])
+    def _reshape(self, number, points, label):
+        change(self.app, label, self.name, number, lambda command: replace(command, points=rows(points)))
 
     def command(self, number, name, points):
         """The command that draws one."""
@@ -302,11 +300,11 @@ class PathTool(ShapeTool):
         for kind, line in things(self.app.session.simulation):
             if kind != self.name:
                 continue
-            held = self.held is not None and self.held[0] is line
+            held = self.held is not None and self.held[0] == line.id
             points = self.held[1] if held else line.points
             if held:
                 self.path(surface, camera, points, colour, outline(kind, line)[1], width=2.5)
-            hot = self.held[2] if held else self.hot[1] if self.hot and self.hot[0] is line else None
+            hot = self.held[2] if held else self.hot[1] if self.hot and self.hot[0] == line.id else None
             self.dots(surface, camera, points, colour, hot)
 
 
@@ -352,20 +350,20 @@ class GoalTool(SpanTool):
     tip = "Place a goal; drag outwards to enlarge it, drag its flag to move it"
     hint = "Click to place a goal; drag its flag to move it."
 
-    held = None
+    held = None  # id of the goal that is dragged
 
     def press(self, xy, button, mods):
         if button != 1:
             return
         hits = self.app.things_at([xy], self.reach(10), kinds=("goal",))
-        self.held = hits[0][1] if hits else None
+        self.held = hits[0][1].id if hits else None
         super().press(xy, button, mods)
 
     def draw(self, a, b):
         held, self.held = self.held, None
         if held is not None:
             if not self.is_near(a, b):
-                self.app.do("move a goal", [moved(self.app, "goal", held, np.subtract(b, a))])
+                change(self.app, "move a goal", "goal", held, lambda command: moved(command, np.subtract(b, a)))
             return
         from flockbrush.systems.edits import PlaceGoal
 
@@ -379,8 +377,10 @@ class GoalTool(SpanTool):
             return
         a, b = self.points
         if self.held is not None:
-            around, closed = outline("goal", self.held)
-            self.path(surface, camera, around + np.subtract(b, a), self.app.theme.goal, closed)
+            goal = thing_of(self.app.session.simulation, "goal", self.held)
+            if goal is not None:
+                around, closed = outline("goal", goal)
+                self.path(surface, camera, around + np.subtract(b, a), self.app.theme.goal, closed)
             return
         radius = float(np.hypot(b[0] - a[0], b[1] - a[1]))
         self.circle(surface, camera, a, max(3.0 / camera.scale_at(a), radius), self.app.theme.goal, 2)

@@ -99,13 +99,25 @@ def free_name(simulation, kind) -> str:
     return next(name for n in range(1, len(used_names) + 2) if (name := f"{kind} {n}") not in used_names)
 
 
-def moved(app, kind, thing, shift):
-    """The command that puts a thing so many metres (2,) elsewhere, with everything else as it is."""
+def thing_of(simulation, kind, number):
+    """The thing of a kind with this id as it is now, or None: ticks, undo and time travel change and remove things."""
+    return next((thing for one, thing in things(simulation) if (one, thing.id) == (kind, number)), None)
+
+
+def change(app, label, kind, number, make):
+    """Do what ``make`` makes of the command for a thing as it is now; say so when it is there no longer."""
     from flockbrush.systems.edits import as_command
 
-    command = as_command(app.session.simulation.world, kind, thing.id)
+    if thing_of(app.session.simulation, kind, number) is None:
+        app.notify(f"this {SPOKEN.get(kind, kind)} is no longer there", "warning")
+    else:
+        app.do(label, [make(as_command(app.session.simulation.world, kind, number))])
+
+
+def moved(command, shift):
+    """The command that puts a thing so many metres (2,) elsewhere, with everything else as it is."""
     points = getattr(command, "points", None)
     changes = {"points": rows(np.asarray(points) + shift)} if points else {}
-    if kind in ("goal", "key"):
-        changes |= dict(zip("xy", (np.asarray(thing.xy) + shift).tolist(), strict=True))
+    if hasattr(command, "x"):
+        changes |= dict(zip("xy", (np.array([command.x, command.y]) + shift).tolist(), strict=True))
     return replace(command, **changes)
