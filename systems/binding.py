@@ -156,6 +156,28 @@ def cannot(palette, fauna, brush, species):
     return f"species {species!r} cannot use brush {brush!r}, which {needs}: its media are {', '.join(asset.media)}"
 
 
+def binds_nobody(palette, fauna, brush, species, aloft):
+    """A sentence why paint of a brush (by name) binds none of some animals; "" when it binds one.
+
+    Parameters
+    ----------
+    species : (n,) int
+    aloft : (n,) bool
+        Who is in the air.
+    """
+    index, plain = palette.named(brush), Sheet(np.zeros((0, 0), np.int32))
+    binds, flies = _allowed(plain, palette, fauna)[index][species], palette.flies_free[index]
+    if not len(species) or (binds & (aloft == flies)).any():
+        return ""
+    if binds.any():
+        why = "it flies, and they are on the ground" if flies else "it walks or swims, and they are in the air"
+        return f"Paint of {brush} binds none of these animals now: {why}."
+    kinds, asset = np.unique(species), palette.brushes[index]
+    meant = [fauna.names[k] for k in kinds if _may(plain, asset, fauna.names[k], fauna.assets[k])]
+    why = f"it is made for {', '.join(asset.made_for)}, and they are {', '.join(fauna.names[k] for k in kinds)}"
+    return f"Paint of {brush} binds none of these animals: {cannot(palette, fauna, brush, meant[0]) if meant else why}."
+
+
 def cannot_follow(palette, fauna, program, species):
     """A sentence why a species (by name) cannot follow a program; "" when it can."""
     for name, state in program.states.items():

@@ -39,6 +39,7 @@ class ActiveTool:
             "cap": 1.0,
             "surface": surfaces[1] if len(surfaces) > 1 else "",
         }
+        self.told: set[str] = set()  # of whom paint does not bind
         self.tools = {kind.name: kind(self) for kind in offered(self.session)}
         self.tool = self.tools["brush"]
 
@@ -282,6 +283,24 @@ class ActiveTool:
         asset = world.resource(SpeciesList).library.find(species)
         binds = asset is None or palette.brushes[index].is_made_for(asset.name, asset.tags)
         return palette.names[index] if binds else ""
+
+    def tell_unbound(self):
+        """Say once, after painting with the selected brush, which animals of this world that does not bind, and why."""
+        from flockbrush.components import ProgramState, Species
+        from flockbrush.systems.binding import binds_nobody
+        from flockbrush.systems.population import SpeciesList
+        from flockbrush.systems.room import in_the_air
+
+        world, palette = self.session.simulation.world, self.world_palette()
+        if self.brush not in palette.index:
+            return
+        held, kinds, aloft = world.agents[ProgramState.brush] >= 0, world.agents[Species.index], in_the_air(world)
+        told = f"Paint does not bind {held.sum()} animals: the states of their program choose their brushes."
+        why = binds_nobody(palette, world.resource(SpeciesList), self.brush, kinds[~held], aloft[~held])
+        for kind, text in (("program", told if held.any() else ""), (why, why)):
+            if text and kind not in self.told:
+                self.told.add(kind)
+                self.notify(text)
 
     def species_of(self, brush):
         """Species of animals added with a brush: the species that starts with it, or that it is made for."""

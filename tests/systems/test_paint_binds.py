@@ -9,6 +9,7 @@ from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.state import state_hash
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import BrushLayer, PaintBounds, Zone
+from flockbrush.systems.binding import binds_nobody
 from flockbrush.systems.commands import AddAnimals, PaintBrush, SwitchBrush
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.palette import Palette
@@ -51,6 +52,31 @@ def test_paint_binds_those_its_brush_is_made_for():
     (unknown,) = put(simulation, (5, 35), species="unheard-of", brush="walk")
     simulation.run(2)
     assert [brush_of(simulation, one) for one in (wolf, sheep, unknown)] == ["hunt", "graze", "graze"]
+
+
+@pytest.mark.parametrize(
+    ("brush", "species", "why"),
+    [
+        ("graze", "sheep", ""),
+        ("graze", "wolf", "it is made for grazer, and they are wolf"),
+        ("fly", "sheep", "species 'sheep' cannot use brush 'fly', which flies: its media are walk"),
+        ("fly", "goose", ""),
+        ("walk", "goose", "now: it walks or swims, and they are in the air"),
+    ],
+)
+def test_why_paint_of_a_brush_binds_nobody_is_said(brush, species, why):
+    simulation = world(painted(brush))
+    if species == "goose":
+        put_aloft(simulation, (5, 5, 20), species=species, brush="flock")
+    else:
+        put(simulation, (5, 5), species=species, brush="walk")
+    agents, palette, fauna = simulation.agents, *map(simulation.world.resource, (Palette, SpeciesList))
+    before = agents[BrushBinding.brush].copy()
+    said = binds_nobody(palette, fauna, brush, agents[Species.index], palette.flies_free[before])
+    assert why in said and bool(why) == said.startswith(f"Paint of {brush} binds none")
+    simulation.run(2)
+    assert (agents[BrushBinding.brush] == before).all() == bool(why)
+    assert binds_nobody(palette, fauna, brush, agents[Species.index][:0], before[:0] > 0) == ""
 
 
 def test_hunters_are_bound_by_paint_made_for_hunters_and_prey_by_the_layer_below():

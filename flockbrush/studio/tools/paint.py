@@ -65,15 +65,9 @@ class PaintBrushTool(Painting):
     tip = "Paint a brush on the ground: animals there follow it"
     hint = "Drag over the ground: animals there follow the selected brush."
     layer = palette = "brush"
-    told = False  # whom paint does not bind
 
     def end(self):
-        from flockbrush.components import ProgramState
-
-        held = int((self.app.session.simulation.world.agents[ProgramState.brush] >= 0).sum())
-        if held and not self.told:
-            self.told = True
-            self.app.notify(f"Paint does not bind {held} animals: the states of their program choose their brushes.")
+        self.app.tell_unbound()
 
     def needed(self):
         return self.app.brush_needed(self.app.brush)
@@ -179,6 +173,8 @@ class Fill(Tool):
             app.do("load a brush", needed)
         cells = fill(app.session.simulation.world, layer, *xy, app.paint[layer])
         app.do(f"fill with {LAYERS[layer]}", [cells])
+        if layer == "brush":
+            app.tell_unbound()
 
     def cursor(self, surface, camera):
         if self.at is not None:
