@@ -294,7 +294,6 @@ def region(world, layer, x, y):
 
 
 def fill(world, layer, x, y, value):
-    """The command that paints the whole region around a place."""
-    number_of(world, layer, value)
+    """The command that paints the whole region around a place, also with a brush that the world does not know yet."""
     iy, ix = np.nonzero(region(world, layer, x, y))
     return PaintCells(layer, [value], runs_of(iy, ix, np.zeros(len(iy), int)))

@@ -18,6 +18,7 @@ from flockbrush.render.style import THEMES, theme_of
 from flockbrush.studio.branches import plain_name
 from flockbrush.studio.forms import Form, FormRow, blank, changed, live_commands, number, rows_of, said
 from flockbrush.studio.help import Help
+from flockbrush.studio.needed import needed
 from flockbrush.studio.panels.tuning import as_new
 from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name
 from flockbrush.studio.video_recorder import RunningVideo
@@ -113,8 +114,7 @@ class AppActions:
         try:
             sentence = change(*arguments)
         except (ValueError, ProblemsError) as error:
-            self.notify(str(error), "error")
-            return False
+            return self._refuse(error)
         if sentence:
             self.notify(sentence)
         return True
@@ -220,7 +220,6 @@ class AppActions:
         self.ask("Unsaved changes", why, answers)
 
     def _recover(self, left):
-        from flockbrush.engine.problems import ProblemsError
         from flockbrush.engine.recording import RecordingError
         from flockbrush.studio.recorded_session import recovered
 
@@ -343,7 +342,7 @@ class AppActions:
         from flockbrush.systems.edits import as_command
 
         select = self.tools["select"]
-        held = select.held() if select.thing else None
+        held = select.held()
         chosen = (select.thing[0], held) if held is not None else None
         if chosen is None and self.tool.at is not None:
             chosen = self.thing_under(self.tool.at, KINDS)
@@ -351,13 +350,12 @@ class AppActions:
             self.notify("first click an object (zone, goal, guide, obstacle) with the Select tool, or point at one")
             return
         kind, thing = chosen
-        number = thing.id
-        if not number:
+        if not thing.id:
             self.notify(f"this {kind} is not an object of the level", "warning")
             return
         if kind == "key":
             return self.ask_key(None, thing)
-        command = as_command(self.session.simulation.world, kind, number)
+        command = as_command(self.session.simulation.world, kind, thing.id)
         spoken = SPOKEN.get(kind, kind)
         self._open_form(f"{spoken.capitalize()} {command.name!r}", command, f"change the {spoken}", kind.capitalize())
 
@@ -390,12 +388,10 @@ class AppActions:
                 command = changed(shown_command, {row: text for row, text in texts.items() if row != "when"})
                 args = {row: value for row, value in said(command).items() if value != position.get(row)}
                 at = number(texts["when"], "time")
-                needed = self.brush_needed(args["brush"]) if args.get("brush") else []
                 place = PlaceKey(key.id if key else self.new_id(), called, at, name, args, *xy)
-                return self.do("change a script key" if key else "place a script key", [*needed, place])
-            except (ValueError, LookupError) as error:
-                self.notify(str(error.args[0]), "error")
-                return False
+                return self.do(f"{'change' if key else 'place'} a script key", [*needed(self.session, command), place])
+            except (ValueError, ProblemsError) as error:
+                return self._refuse(error)
 
         menu = {"choices": list(known), "chosen": name, "choose": lambda other: self.ask_key(xy, key, other)}
         rows = [
@@ -404,16 +400,20 @@ class AppActions:
         ]
         self.open_dialog(Form(self, f"Script key {called!r}", rows, give, **menu))
 
+    def _refuse(self, error):
+        """Say what is wrong; a form stays open."""
+        self.notify(str(error), "error")
+        return False
+
     def _open_form(self, title, command, label, kind="", **menu):
         """Open a form that submits the command with the typed values."""
 
         def give(texts):
             try:
                 edited = without_place(changed(command, texts), command)
-                return self.do(label, [*self.mix_needed(edited), edited])
-            except ValueError as error:
-                self.notify(str(error), "error")
-                return False
+                return self.do(label, [*needed(self.session, edited), edited])
+            except (ValueError, ProblemsError) as error:
+                return self._refuse(error)
 
         self.open_dialog(Form(self, title, rows_of(command, kind), give, **menu))
 

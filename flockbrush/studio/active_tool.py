@@ -8,6 +8,7 @@ from flockbrush.behaviours.brush import flies_free, shipped
 from flockbrush.render.style import palette as fallback_colours
 from flockbrush.render.style import worn
 from flockbrush.studio.hunters import hunters
+from flockbrush.studio.needed import brush_needed, library_of
 from flockbrush.studio.tools import offered
 from flockbrush.studio.tools import world_tools as lookup
 from flockbrush.studio.tools.tool import CHOICES
@@ -176,7 +177,7 @@ class ActiveTool:
     @property
     def library(self):
         """The available brushes, in the world or on disk."""
-        return getattr(self.session, "library", None) or shipped()
+        return library_of(self.session)
 
     def world_palette(self):
         """The brushes of the running world."""
@@ -201,33 +202,7 @@ class ActiveTool:
 
     def brush_needed(self, name):
         """Commands that load a brush into the world, if it is not loaded yet."""
-        if name in self.world_palette().index:
-            return []
-        from flockbrush.systems.undo import MixBrush, UseBrush
-
-        brush = self.library.get(name)
-        source = brush.source.decode() if isinstance(brush.source, bytes) else brush.source
-        paths = {end: self.paths_to(end, [name]) for end in self.world_palette().over}
-        return [UseBrush(name, source), *(MixBrush(end, files) for end, files in paths.items() if files)]
-
-    def mix_needed(self, command):
-        """Commands that load the mixed brushes of a zone into the world, if they are not loaded yet."""
-        from flockbrush.systems.mark_commands import DrawZone
-        from flockbrush.systems.undo import MixBrush
-
-        palette = self.world_palette()
-        if not isinstance(command, DrawZone) or not command.brush or self.find_brush(command.brush) is None:
-            return []
-        needed, mixes = self.brush_needed(command.brush), command.zone().bounds.blend == "mix"
-        if mixes and command.brush not in palette.over:
-            starts = [brush.name for brush in palette.own]
-            needed.append(MixBrush(command.brush, self.paths_to(command.brush, starts)))
-        return needed
-
-    def paths_to(self, end, starts):
-        """{file: text} of the measured paths from some brushes to another."""
-        paths = (self.library.path_between(start, end) for start in starts if start != end)
-        return {file: text.decode() for file, text in filter(None, paths)}
+        return brush_needed(self.session, name)
 
     def colour_of(self, name):
         """The colour "#rrggbb" of a brush."""

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.program import shipped_programs
 from flockbrush.components import Leading, Position
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.commands import MoveObstacle
 from flockbrush.systems.edits import MarkSpawn, MoveGoal, PlaceGoal
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.programs import Programs
 from window import pygame
 
 from flockbrush.studio.forms import blank, changed, live_commands, rows_of
@@ -144,6 +147,35 @@ def test_tab_goes_from_field_to_field_and_changes_no_brush(window):
     assert window.brush == brush
     window.key("escape")
     assert len(window.agents[Position.xyz])
+
+
+def test_forms_load_the_brushes_and_programs_that_they_name(window, tmp_path):
+    world = window.session.simulation.world
+    window.key("v")
+    window.click((3, 6))  # the edge of the spawn area
+    assert window.tool.thing[0] == "spawn"
+    window.key("p")
+    fill(window, brush="no-such")
+    assert "there is no brush 'no-such'" in window.said("error").pop() and window.dialog.alive()
+    fill(window, brush="stampede", program="no-such")
+    assert "there is no program 'no-such'" in window.said("error").pop()
+    fill(window, program="stampede")
+    window.ask_command("AddAnimals", (20.0, 3.0))
+    fill(window, brush="graze", radius="3", species="sheep", count="2", program="merino")
+    window.ask_command("SwitchBrush", (20.0, 3.0))
+    fill(window, brush="column")
+    assert set(world.resource(Programs).names) == {"stampede", "merino"}
+    brushes = {"stampede", "column", *shipped_programs().get("merino").brushes}
+    assert brushes <= set(world.resource(Palette).index)
+    window.ask_key((5.0, 5.0), name="GiveProgram")
+    fill(window, program="sheepdog")
+    assert "sheepdog" in world.resource(Programs).names and len(window.land.marks.keys) == 1
+    assert window.session.save(tmp_path / "named.tmj")
+    spawn = read_level(tmp_path / "named.tmj").spawns[0]
+    assert (spawn.brush, spawn.program) == ("stampede", "stampede")
+    for _ in range(4):
+        window.key("ctrl+z")
+    assert world.resource(Programs).names == [] and "stampede" not in world.resource(Palette).index
 
 
 def test_what_the_script_has_moved_stays_in_the_file_where_it_was_when_a_property_changes(window, tmp_path):

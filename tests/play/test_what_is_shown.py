@@ -103,3 +103,16 @@ def test_the_view_says_whom_it_follows(window):
     window.select(int(window.agents.ids[0]))
     window.key("t")
     assert "follows the selected animal" in window.said()[-1]
+
+
+def test_paint_that_binds_nobody_says_why_once(window):
+    for brush in ("falcon", "falcon", "sparrows", "graze"):
+        window.choose("brush", brush)
+        window.drag((4, 13), (8, 13))
+    told = [text for text in window.said("info") if text.startswith("Paint")]
+    assert told[0] == "Paint of falcon binds none of these animals: it is made for falcon, raptor, and they are sheep."
+    assert [text.split()[2] for text in told] == ["falcon", "sparrows"]
+    window.key("f")
+    window.choose("brush", "geese")
+    window.click((20, 13))
+    assert "made for goose, skein" in window.said("info")[-1]

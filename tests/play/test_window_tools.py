@@ -68,19 +68,6 @@ def test_whom_paint_does_not_bind_is_told_once(window):
     assert [text for text in window.said("info") if text.startswith("Paint")] == [told]
 
 
-def test_paint_that_binds_nobody_says_why_once(window):
-    for brush in ("falcon", "falcon", "sparrows", "graze"):
-        window.choose("brush", brush)
-        window.drag((4, 13), (8, 13))
-    told = [text for text in window.said("info") if text.startswith("Paint")]
-    assert told[0] == "Paint of falcon binds none of these animals: it is made for falcon, raptor, and they are sheep."
-    assert [text.split()[2] for text in told] == ["falcon", "sparrows"]
-    window.key("f")
-    window.choose("brush", "geese")
-    window.click((20, 13))
-    assert "made for goose, skein" in window.said("info")[-1]
-
-
 def test_a_surface_is_painted(window):
     window.key("s")
     window.choose("surface", "mud")
@@ -113,6 +100,12 @@ def test_filling_covers_all_of_a_region_and_no_more(window):
     window.click((20, 3))
     assert window.painted((23, 15)) == "swarm" and window.painted((12, 8)) == "graze"
     assert window.painted((2, 2)) is None
+    window.choose("brush", "column")
+    window.click((20, 3))
+    assert window.painted((23, 15)) == "column"
+    window.key("ctrl+z")
+    assert window.painted((23, 15)) == "swarm"
+    assert "column" not in window.world_palette().index
 
 
 def test_filling_works_with_speed_limits_too(window):

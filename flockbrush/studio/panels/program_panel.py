@@ -8,13 +8,12 @@ from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UITextEntryLi
 
 from flockbrush.behaviours.program import load_program, shipped_programs
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.studio.needed import program_needed
 from flockbrush.studio.panels.panel import FieldsPanel, fit
 from flockbrush.studio.panels.program_form import cards_of, changed, with_state, with_trigger, without
-from flockbrush.systems.palette import Palette
-from flockbrush.systems.program_commands import Event, GiveProgram, UseProgram, heard
+from flockbrush.systems.program_commands import Event, GiveProgram, heard
 from flockbrush.systems.program_reports import counts
 from flockbrush.systems.programs import Programs
-from flockbrush.systems.undo import UseBrush
 
 
 class StatesPanel(FieldsPanel):
@@ -43,11 +42,8 @@ class StatesPanel(FieldsPanel):
 
     def put(self, label, source, name, more=()):
         """Bring a program's file into the world, with the brushes of its states; whether it was done."""
-        palette, library = self.world.resource(Palette), self.app.session.library
-        brush_names = load_program(source.encode(), f"{name}.program.toml").brushes
-        brushes = [library.get(b) for b in brush_names if b not in palette.index]
-        commands = [UseBrush(b.name, b.source.decode()) for b in brushes]
-        applied = self.app.session.do(label, [*commands, UseProgram(name, source), *more])
+        session, program = self.app.session, load_program(source.encode(), f"{name}.program.toml")
+        applied = session.do(label, [*program_needed(session, program), *more])
         self.shown = None
         self.soon()
         return applied

@@ -169,10 +169,8 @@ class Fill(Tool):
         if app.is_off_map(xy, xy, 0.0):
             return app.notify("this point is outside the map")
         needed = app.brush_needed(app.brush) if layer == "brush" else []
-        if needed:
-            app.do("load a brush", needed)
         cells = fill(app.session.simulation.world, layer, *xy, app.paint[layer])
-        app.do(f"fill with {LAYERS[layer]}", [cells])
+        app.do(f"fill with {LAYERS[layer]}", [*needed, cells])
         if layer == "brush":
             app.tell_unbound()
 
