@@ -55,9 +55,9 @@ def _track(clip, out, seed_points, correct, reach, as_json):
     if not kept:
         write_text(Path(out), table_of(tracks))
     seconds = time.perf_counter() - begin
-    notes = [
-        note for path, marks in zip((seed_points, correct), by_hand, strict=True) for note in _unused(path, marks, size)
-    ]
+    notes = []
+    for path, marks, begun in ((seed_points, seeds, ()), (correct, corrections, tracker.begun)):
+        notes += _unused(path, marks, size, tracks, begun)
     if stopped:
         told = f"{out} is still the earlier file" if kept else "the tracks up to there are kept"
         notes.append(f"stopped after {frames} frames; {told}")
@@ -65,16 +65,25 @@ def _track(clip, out, seed_points, correct, reach, as_json):
     return INTERRUPTED if stopped else 0
 
 
-def _unused(path, marks, size):
-    """Notes about what a person marked where the film has nothing: after its end, or outside the picture."""
+def _unused(path, marks, size, tracks, begun):
+    """Notes about what a person marked where the film has nothing: no frame, picture or bird."""
     frames, wide, high = size
     late = sorted(frame for frame in marks if not 0 <= frame < frames)
     if late:
         yield f"{path}: frame {late[0]} is not in the clip, which has frames 0 to {frames - 1}; {len(late)} ignored"
+    untracked = {}
     for frame in sorted(set(marks) - set(late)):
-        for bird, x, y, *_ in marks[frame]:
+        for bird, x, y, *gone in marks[frame]:
             if not (0 <= x <= wide and 0 <= y <= high):
                 yield f"{path}: bird {bird} in frame {frame} is outside the {wide} x {high} picture"
+            elif any(gone):
+                continue
+            elif bird not in tracks.ids:
+                untracked.setdefault(bird, frame)
+            elif frame and (frame, bird) in begun:
+                yield f"{path}: there was no bird {bird} before frame {frame}, where it is corrected; it begins there"
+    for bird, frame in untracked.items():
+        yield f"{path}: bird {bird} of frame {frame} could not be tracked through three frames; it is left out"
 
 
 def _follow(clip, tracker):

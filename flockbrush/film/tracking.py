@@ -14,7 +14,7 @@ break off are joined to tracks that begin a little later, where their extrapolat
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -173,7 +173,7 @@ def _fewer(blob, foretold, most):
     return blob.peaks[chosen]
 
 
-@dataclass
+@dataclass(eq=False)
 class _Bird:
     """One bird that is followed."""
 
@@ -227,21 +227,30 @@ class Tracker:
     seeds, corrections : dict of int to list of (id, x, y) or (id, x, y, gone)
         By frame: positions of birds marked by hand, px. A correction overrides what was detected. With `gone` the
         object is no bird from this frame on; it is still tracked, so that it is not detected again, but not returned.
+        A correction of a bird that was detected automatically has the number that this bird has without corrections.
     reach : float, optional
         Largest distance of a bird from its predicted position, px; by default about twice the extent of the usual blob.
     first : int
         Number of the first frame.
     fresh : int
-        First number of birds that are detected automatically.
+        First number of birds that are detected automatically, if no seed has a larger one.
+
+    Attributes
+    ----------
+    begun : list of (int, int)
+        Frame and number of each correction with which a bird began, because none had this number before.
     """
 
     def __init__(self, seeds=None, corrections=None, reach=None, first=0, fresh=1):
-        self.by_hand = _merged(seeds or {}, corrections or {})
+        seeds, self._corrections = seeds or {}, corrections or {}
+        self.by_hand = _merged(seeds, self._corrections)
         self.reach = reach
         self.frame = first - 1
         self.birds: list[_Bird] = []
         self.gone: list[_Bird] = []
-        self.next = max(fresh, 1 + max((row[0] for rows in self.by_hand.values() for row in rows), default=0))
+        self.next = max(fresh, 1 + max((row[0] for rows in seeds.values() for row in rows), default=0))
+        self.begun: list[tuple[int, int]] = []
+        self._named: set[int] = set()  # birds that began by hand
         self._blobs: dict[int, dict[tuple[float, float], tuple[int, float]]] = {}  # frame -> place -> (blob, area)
         self._areas: list[float] = []
         self._peaked: list[bool] = []
@@ -308,10 +317,13 @@ class Tracker:
         return np.concatenate(places), np.array(areas), np.array(apart, bool)
 
     def _by_hand(self, number, at, seen, free, reach, gone=False):
-        bird = next((b for b in self.birds if b.number == number), None)
+        bird = next((b for b in self.birds if b.number == number), None) or self._resumed(number)
         if bird is None:
             bird = _Bird(number, at.copy(), self._drift(), 0.0)
             self.birds.append(bird)
+            self._named.add(number)
+            if number in (row[0] for row in self._corrections.get(self.frame, ())):
+                self.begun.append((self.frame, number))
         if len(seen):
             gaps = np.where(free, np.linalg.norm(seen - at, axis=1), np.inf)
             k = int(np.argmin(gaps))
@@ -325,6 +337,28 @@ class Tracker:
         bird.at, bird.sure = at.copy(), True
         if gone != bird.gone:
             bird.turns.append(self.frame)
+
+    def _resumed(self, number):
+        """The bird with a number whose track has ended, with the tracks that continue it; None if there was none."""
+        bird = next((b for b in self.gone if b.number == number), None)
+        if bird is None:
+            return None
+        self.gone.remove(bird)
+        rest = [b for b in (bird, *self.gone, *self.birds) if b.sure and len(b.path_as_bird()) >= BORN_AFTER]
+        following = dict(self._joins(rest))
+        while number in following:
+            number = following[number]
+            other = next(b for b in rest if b.number == number)
+            (self.birds if other in self.birds else self.gone).remove(other)
+            bird = replace(other, number=bird.number, path=bird.path | other.path, turns=bird.turns + other.turns)
+        self.birds.append(bird)
+        return bird
+
+    def _joins(self, birds):
+        """(number, number of the track that continues it) of birds whose tracks broke off, in order of time."""
+        ended = {b.number for b in birds if b.gone}
+        paths = {b.number: b.path_as_bird() for b in birds}
+        return _joins(paths, self.reach or 30.0, ended, self._named)
 
     def _drift(self):
         """Median velocity of the flock, (2,) px per frame."""
@@ -360,9 +394,10 @@ class Tracker:
             near = [np.linalg.norm(b.at - seen[k]) for b in self.birds if b.sure and not b.missed]
             if near and min(near) < 0.25 * reach:
                 continue  # a scrap of somebody
-            self.birds.append(
-                _Bird(self.next, seen[k].copy(), self._drift(), float(area[k]), {self.frame: seen[k].copy()})
-            )
+            while self.next in self._named:
+                self.next += 1
+            path = {self.frame: seen[k].copy()}
+            self.birds.append(_Bird(self.next, seen[k].copy(), self._drift(), float(area[k]), path))
             self.next += 1
 
     def _unmask(self, unseen):
@@ -396,8 +431,11 @@ class Tracker:
         birds = [b for b in self.gone + self.birds if b.sure and len(b.path_as_bird()) >= BORN_AFTER]
         if not birds:
             raise ValueError("no bird could be tracked through three frames")
-        ended = {b.number for b in birds if b.gone}
-        paths = _joined({b.number: b.path_as_bird() for b in birds}, self.reach or 30.0, ended)
+        paths = {b.number: dict(b.path_as_bird()) for b in birds}
+        name = {number: number for number in paths}
+        for one, other in self._joins(birds):
+            name[other] = name[one]
+            paths[name[one]].update(paths.pop(other))
         numbers = sorted(paths)
         frames = [f for path in paths.values() for f in path]
         first, last = min(frames), max(frames)
@@ -439,10 +477,10 @@ def _ends(path, at_end, span=6):
     return f, slope[0] * f + slope[1], slope[0]
 
 
-def _joined(paths, reach, ended=()):
-    """Tracks that break off joined to those that begin up to `JOIN` frames later where both, carried on, meet.
+def _joins(paths, reach, ended=(), named=()):
+    """(number, number) of tracks that break off and of those that begin up to `JOIN` frames later where both meet.
 
-    Those that a person has ended stay so.
+    In order of time. Those that a person has ended, or begun with a name, stay so.
     """
     numbers = sorted(paths)
     ends = {n: _ends(paths[n], True) for n in numbers}
@@ -451,18 +489,11 @@ def _joined(paths, reach, ended=()):
     for i, a in enumerate(numbers):
         for j, b in enumerate(numbers):
             wait = starts[b][0] - ends[a][0]
-            if a != b and a not in ended and 0 < wait <= JOIN:
+            if a != b and a not in ended and b not in named and 0 < wait <= JOIN:
                 forth = ends[a][1] + wait * ends[a][2] - starts[b][1]
                 back = starts[b][1] - wait * starts[b][2] - ends[a][1]
                 off = 0.5 * (np.linalg.norm(forth) + np.linalg.norm(back))
                 if off <= reach * (0.5 + wait / 12):
                     cost[i, j] = off + 0.3 * wait
-    out = {n: dict(paths[n]) for n in numbers}
-    name = {n: n for n in numbers}
-    rows, columns = linear_sum_assignment(cost)
-    for i, j in sorted(zip(rows, columns, strict=True), key=lambda pair: ends[numbers[pair[0]]][0]):
-        if cost[i, j] < FAR:
-            a, b = name[numbers[i]], numbers[j]
-            out[a].update(out.pop(b))
-            name[b] = a
-    return out
+    pairs = [(numbers[i], numbers[j]) for i, j in zip(*linear_sum_assignment(cost), strict=True) if cost[i, j] < FAR]
+    return sorted(pairs, key=lambda pair: ends[pair[0]][0])

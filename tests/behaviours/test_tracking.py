@@ -103,6 +103,45 @@ def test_a_correction_moves_a_name_to_the_right_bird_from_there_on():
     assert np.linalg.norm(tracks.px[26:, 0] - px[26:, 1], axis=1).max() < 4
 
 
+def test_corrections_alone_keep_what_was_tracked_before_them():
+    xyz = passing()[:, 2:]
+    before = followed(xyz)
+    one, other = before.ids[[1, 3]].tolist()
+    at = before.px[25 - before.first]
+    after = followed(xyz, None, {25: [(one, *at[3]), (other, *at[1])]})
+    assert after.ids.tolist() == before.ids.tolist()
+    assert np.array_equal(after.px[: 25 - before.first], before.px[: 25 - before.first], equal_nan=True)
+    swapped = after.px[26 - after.first :][:, [0, 3, 2, 1]]
+    assert np.nanmax(np.linalg.norm(swapped - before.px[26 - before.first :], axis=2)) < 2
+
+
+def test_a_corrected_track_keeps_the_parts_that_it_is_joined_of():
+    xyz = passing()[:, 2:5]
+    px, pictures = CAMERA.project(xyz), [blobs_of(picture) for picture in film(xyz, CAMERA)]
+    for f in range(10, 30):
+        pictures[f] = [blob for blob in pictures[f] if np.linalg.norm(blob.at - px[f, 0]) > 8]
+
+    def tracks(corrections):
+        tracker = Tracker(None, corrections)
+        for blobs in pictures:
+            tracker.take(blobs)
+        return tracker.tracks()
+
+    before = tracks({})
+    n = int(np.argmin(before.seen.sum(0)))
+    assert len(before.ids) == 3 and not before.seen[29, n] and before.seen[45, n]
+    after = tracks({45: [(before.ids[n], *before.px[45, n])]})
+    assert np.array_equal(after.ids, before.ids) and np.array_equal(after.px[:45], before.px[:45], equal_nan=True)
+
+
+def test_a_number_that_nobody_had_begins_where_a_correction_says_so():
+    xyz = passing()[:, 2:4]
+    tracker = Tracker(None, {20: [(1, *CAMERA.project(xyz)[20, 0]), (3, 30, 250)]})
+    for picture in film(xyz, CAMERA):
+        tracker.step(picture)
+    assert tracker.begun == [(20, 3)]
+
+
 def test_an_empty_sky_has_no_birds():
     tracker = Tracker()
     for _ in range(5):

@@ -55,6 +55,19 @@ def test_marks_that_the_film_has_no_place_for_are_told(clip, tmp_path, capsys):
     assert "bird 7 in frame 3 is outside the 320 x 180 picture" in outside
 
 
+def test_corrections_of_birds_that_nobody_tracked_are_told(clip, tmp_path, capsys):
+    out, fix = str(tmp_path / "t.csv"), str(tmp_path / "fix.csv")
+    assert called(["track", str(clip), "--out", out, "--json"]) == 0
+    capsys.readouterr()
+    with open(out) as file:
+        at = next(row for row in csv.DictReader(file) if (row["frame"], row["id"]) == ("10", "2"))
+    (tmp_path / "fix.csv").write_text(f"frame,id,x,y\n10,8,{at['x']},{at['y']}\n20,9,300,170\n")
+    assert called(["track", str(clip), "--out", out, "--correct", fix, "--json"]) == 0
+    begun, short = json.loads(capsys.readouterr().out)["notes"]
+    assert "there was no bird 8 before frame 10, where it is corrected; it begins there" in begun
+    assert "bird 9 of frame 20 could not be tracked through three frames; it is left out" in short
+
+
 def test_what_was_followed_before_somebody_stops_it_is_kept(clip, tmp_path, capsys, monkeypatch):
     from flockbrush.film.tracking import Tracker
 
