@@ -232,7 +232,8 @@ class Book(StateStack):
                 self._ours.add(path)
                 layers[part] = read(path, self.film.size)
         birds = replace(birds, pending=pending if birds.ids and tracks is None else None)
-        self._ours |= {path for path in (self.place("sketch.csv"),) if path.is_file()}
+        if sketch.paths:  # its tracks are written anew from them
+            self._ours.add(self.place("sketch.csv"))
         self.state = ClipState(
             marks, layers.get("obstacles", state.obstacles), layers.get("regions", state.regions), birds, sketch
         )
@@ -244,7 +245,7 @@ class Book(StateStack):
         path = Path(tracks) if tracks is not None else place if place.is_file() else None
         birds = self.state.birds
         if path is not None:
-            trajectories = read_tracks(path)
+            trajectories = read_tracks(path, least=1)
             if trajectories.first + len(trajectories.px) > len(self.film) or trajectories.first < 0:
                 last = trajectories.first + len(trajectories.px) - 1
                 raise refused(

@@ -42,15 +42,20 @@ class Tracks:
         return np.maximum.accumulate(seen, 0) & np.maximum.accumulate(seen[::-1], 0)[::-1]
 
 
-def read_tracks(path: str | Path) -> Tracks:
+def read_tracks(path: str | Path, least: int = 3) -> Tracks:
     """Tracks from a CSV with ``frame,id,x,y``, pixels; further columns are ignored.
+
+    Parameters
+    ----------
+    least : int
+        Birds seen in fewer frames are left out, with a note; a flight needs three.
 
     Raises
     ------
     ProblemsError
         With file, line and column of what is wrong: up to twenty of them.
     """
-    return _assembled(str(path), *_rows(path))
+    return _without_points(str(path), _assembled(str(path), *_rows(path)), least)
 
 
 def _rows(path, gone=None):
@@ -153,13 +158,13 @@ def _assembled(name, frames, ids, px, lines):
             raise ProblemsError([Problem(name, int(lines[row]), "id", message)])
         taken[f, n] = lines[row]
         grid[f, n] = px[row]
-    return _without_points(name, Tracks(grid, birds, first))
+    return Tracks(grid, birds, first)
 
 
-def _without_points(name, tracks):
-    """The tracks without birds that were seen only once."""
+def _without_points(name, tracks, least):
+    """The tracks without birds that were seen in fewer frames."""
     sights = tracks.seen.sum(0)
-    short = sights < 3
+    short = sights < least
     if short.all():
         most = int(sights.max())
         message = f"no bird was seen in more than {most} frame{'s' if most > 1 else ''}; a flight needs three"

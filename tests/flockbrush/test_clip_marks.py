@@ -307,6 +307,30 @@ def test_a_file_that_is_not_ours_is_kept_beside(book, followed_birds):
     assert kept == {"birds.tracks.csv.bak": "somebody's", "birds.tracks.csv.bak1": "theirs, later"}
 
 
+def test_a_bird_in_a_single_frame_is_taken_up_again(book):
+    for k, birds in ((5, {1: (30, 40)}), (7, {1: (35, 40), 2: (100, 90)})):
+        for bird, at in birds.items():
+            book.do("added", "birds", k, birds=book.state.birds.put(k, bird, *at))
+        book.save()
+        again = Book(book.film, book.folder)
+        again.load()
+        assert again.state.birds.at(k) == birds and again.state.birds.ids == book.state.birds.ids
+
+
+def test_a_sketch_of_which_nothing_is_known_is_kept_beside(book):
+    marked(book)
+    book.save()
+    book.place("marks.toml").unlink()
+    sketched = book.place("sketch.csv").read_text()
+    again = Book(book.film, book.folder)
+    again.load()
+    again.save()
+    assert book.place("sketch.csv").read_text() == sketched
+    again.do("path", "sketch", 0, sketch=again.state.sketch.with_path([(0, 9, 0), (90, 50, 1)]))
+    again.save()
+    assert (book.folder / "birds.sketch.csv.bak").read_text() == sketched
+
+
 def test_saved_corrections_are_not_replaced_by_tracks_that_are_given_again(book, followed_birds, tmp_path):
     marked(book)
     book.do("birds", "birds", 0, birds=followed_birds.put(3, int(followed_birds.ids[0]), 20.0, 30.0))
