@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from flockbrush.cli.shared_options import TrackFps, TrackOptions, TrackUnit, WorkOptions, grouped, unit_of
-from flockbrush.film.looking import Looking
+from flockbrush.film.looking import LENGTHS_PX, Looking
 
 PARTS = ("occlusion", "angular", "density", "variance")
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
@@ -49,7 +49,10 @@ class ClipOptions(WrittenOptions):
     body_length_px: Annotated[
         float | None,
         typer.Option(
-            min=2, max=2000, metavar="L", help="Body length of an animal, nose to tail, pixels; default: measured."
+            min=LENGTHS_PX[0],
+            max=LENGTHS_PX[1],
+            metavar="L",
+            help="Body length of an animal, nose to tail, pixels; default: measured.",
         ),
     ] = None
     grid: Annotated[

@@ -12,21 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.behaviours.brush import SUFFIX, name_like
-from flockbrush.behaviours.file_library import check_schema
-from flockbrush.behaviours.tomlfile import parse_toml, read_bytes
-from flockbrush.engine import limits
 from flockbrush.engine.files import refused, write_text
-from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.bird_marks import Birds
 from flockbrush.film.clip_layers import MaskLayer, read_obstacles, read_regions, write_obstacles, write_regions
 from flockbrush.film.flight_sketch import FlightSketch
 from flockbrush.film.flight_sketch import Path as Drawn
-from flockbrush.film.landmarks import MOST, Landmark
+from flockbrush.film.landmarks import Landmark
+from flockbrush.film.marks_file import SCHEMA, read_film_marks
 from flockbrush.film.track_clip import table_of
 from flockbrush.film.tracks import read_marks, read_tracks
 from flockbrush.levels.steps import StateStack
 
-SCHEMA = "flockbrush.marks/1"
 UNDONE = 100  # steps that can be taken back
 
 
@@ -274,38 +270,9 @@ class Book(StateStack):
 
     def _read(self, path):
         """(Marks, Sketch, frame that is pending) of a file that was saved before."""
-        file = parse_toml(read_bytes(path, limits.MARKED_FILM_BYTES), str(path), limits.MARKED_FILM_BYTES)
-        data, frames = check_schema(file, SCHEMA, needed=False), len(self.film)
-        if data.get("clip", self.film.name) != self.film.name:
-            message = f"has marks of {data['clip']!r}, not of {self.film.name!r}; choose another folder with --out"
-            raise ProblemsError([file.problem(("clip",), message)])
-        try:
-            landmarks = tuple(
-                Landmark(int(row["frame"]), *map(float, row["box"])) for row in data.get("landmark", [])[:MOST]
-            )
-            colour = data.get("body_colour")
-            marks = ClipMarks(
-                landmarks,
-                None if colour is None else (int(colour[0]), int(colour[1]), int(colour[2])),
-                data.get("body_length_px"),
-                data.get("first"),
-                data.get("last"),
-            )
-            paths = tuple(
-                Drawn(int(row["bird"]), tuple((float(x), float(y), float(t)) for x, y, t in row["points"]))
-                for row in data.get("path", [])
-            )
-            usual = FlightSketch(frames=frames)
-            length = min(max(int(data.get("sketch_frames", frames)), 1), 100_000)
-            smooth = min(max(float(data.get("sketch_smooth", usual.smooth)), 0.0), 1.0)
-            sketch = FlightSketch(paths, length, bool(data.get("sketch_even", True)), smooth)
-        except (KeyError, TypeError, ValueError, IndexError) as error:
-            raise refused(path, f"cannot be loaded: {error}; move the file away to start without it") from None
-        late = [row.frame for row in landmarks if not 0 <= row.frame < frames]
-        late += [k for k in (marks.first, marks.last, data.get("pending")) if k is not None and not 0 <= k < frames]
-        if late:
-            message = (
-                f"has marks in frame {late[0]}, but {self.film.name} ends at frame {frames - 1}; is it of another clip?"
-            )
-            raise ProblemsError([file.problem((), message)])
-        return marks, sketch, data.get("pending")
+        read = read_film_marks(path, self.film)
+        landmarks = tuple(Landmark(row.frame, *row.box) for row in read.landmark)
+        marks = ClipMarks(landmarks, read.body_colour, read.body_length_px, read.first, read.last)
+        paths = tuple(Drawn(row.bird, row.points) for row in read.path)
+        frames = read.sketch_frames or len(self.film)
+        return marks, FlightSketch(paths, frames, read.sketch_even, read.sketch_smooth), read.pending

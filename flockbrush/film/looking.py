@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from flockbrush.film.arena import Arena
 
+LENGTHS_PX = 2.0, 2000.0  # of a body in a film
+
 
 @dataclass(frozen=True)
 class Looking:

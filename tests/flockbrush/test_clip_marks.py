@@ -361,8 +361,31 @@ def test_marks_of_another_film_are_refused(book, sky_film):
     book.place("marks.toml").write_text("[[landmark]]\nframe = 900\nbox = [1, 2, 30, 40]\n")
     with pytest.raises(ProblemsError, match="has marks in frame 900, but"):
         book.load()
-    book.place("marks.toml").write_text("[[landmark]]\nframe = 'x'\n")
-    with pytest.raises(ProblemsError, match="cannot be loaded"):
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("body_length_px = 'long'", r"marks.toml:1: body_length_px: must be a number, got 'long'"),
+        ("\nfirst = 'x'", r"marks.toml:2: first: must be a whole number, got 'x'"),
+        ("first = 1.5", "first: must be a whole number, got 1.5"),
+        ("first = 9\nlast = 5", "first: must not be after last, 5, got 9"),
+        ("last = 40", "last: has marks in frame 40, but birds.avi ends at frame 39"),
+        ("body_colour = [300, 0, 0]", r"body_colour\[0\]: must be at most 255, got 300"),
+        ("body_length_px = -4", "body_length_px: must be from 2 to 2000, got -4"),
+        ("pending = -1", "pending: must be at least 0, got -1"),
+        ("sketch_frames = 1000000000", "sketch_frames: must be at most 100000"),
+        ("[[landmark]]\nframe = 3\nbox = [1, nan, 30, 40]", r"landmark\[0\].box\[1\]: must be a finite number"),
+        ("[[landmark]]\nframe = 3\nbox = [300, 2, 30, 40]", r"marks.toml:3: landmark\[0\].box: must be a rectangle"),
+        ("[[landmark]]\nframe = 'x'", r"landmark\[0\].frame: must be a whole number"),
+        ("[[path]]\nbird = 1\npoints = [[1, 2, 3]]", r"path\[0\].points: must have at least 2 items"),
+        ("colour = [1, 2, 3]", "colour: unknown name"),
+    ],
+)
+def test_a_mistake_in_the_marks_is_told_with_its_line(book, text, said):
+    book.folder.mkdir()
+    book.place("marks.toml").write_text(text)
+    with pytest.raises(ProblemsError, match=said):
         book.load()
 
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from flockbrush.film.body_marks import body_mask, colour_at
+from flockbrush.film.looking import LENGTHS_PX
 from flockbrush.studio.film.clip_column import enabled
 from flockbrush.studio.film.mask_tool import lay_over
 from flockbrush.studio.film.mode import Mode
@@ -100,7 +101,12 @@ class BodyMode(Mode):
         if held is None:
             return
         if np.hypot(*(held[2] - held[3])) > px(self.window.scale, STILL):
-            self.mark("body length", body_length=float(np.hypot(*(held[1] - held[0]))))
+            length = float(np.hypot(*(held[1] - held[0])))
+            if LENGTHS_PX[0] <= length <= LENGTHS_PX[1]:
+                self.mark("body length", body_length=length)
+            else:
+                least, most = LENGTHS_PX
+                self.window.toasts.say(f"A body has {least:g} to {most:g} pixels, not {length:.1f}.", "warning")
             return
         wide, high = self.window.film.size
         if 0 <= place[0] < wide and 0 <= place[1] < high:
