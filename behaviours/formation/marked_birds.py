@@ -22,7 +22,7 @@ PIXELS, WINGSPANS = (("x_px", "y_px"), ("x", "y")), (("x_b", "y_b"),)
 
 
 def read_marks(
-    path: str | os.PathLike, heading: str | None = None, wingspan: float | None = None
+    path: str | os.PathLike, heading: str | None = None, wingspan: float | None = None, gaps: bool = False
 ) -> tuple[Marks, dict]:
     """Marked birds from a CSV.
 
@@ -38,11 +38,13 @@ def read_marks(
         marks in wingspans.
     wingspan : float, optional
         Pixels.
+    gaps : bool
+        Birds may lack in frames.
 
     Returns
     -------
     Marks
-        In wingspans, +y the way they fly.
+        In wingspans, +y the way they fly; NaN where a bird lacks.
     dict
         Heading and wingspan that were used.
 
@@ -55,7 +57,7 @@ def read_marks(
     header, rows = _table(path, name)
     at = _columns(header, name)
     frames, birds, xy, spans = _numbers(rows, at, name, header)
-    problems = _gaps(frames, birds, rows, name)
+    problems = _gaps(frames, birds, rows, name, gaps)
     if problems:
         raise ProblemsError(problems)
     pixels = at["pixels"]
@@ -68,7 +70,7 @@ def read_marks(
         raise ProblemsError([Problem(name, None, "wingspan", f"must be above 0 pixels, got {wingspan}")])
     order = {key: k for k, key in enumerate(dict.fromkeys(frames))}
     bird = {key: k for k, key in enumerate(dict.fromkeys(birds))}
-    grid = np.empty((len(order), len(bird), 2))
+    grid = np.full((len(order), len(bird), 2), np.nan)
     for f, b, point in zip(frames, birds, xy, strict=True):
         grid[order[f], bird[b]] = point
     if pixels and wingspan is not None:
@@ -155,8 +157,8 @@ def _number(cell, name, line, column, problems):
     return value
 
 
-def _gaps(frames, birds, rows, name):
-    """Frames that have other birds than the first."""
+def _gaps(frames, birds, rows, name, may_lack):
+    """Frames that have too many birds, or other birds than the first."""
     of: dict[str, list[str]] = {}
     last: dict[str, int] = {}
     for frame, bird, (line, _) in zip(frames, birds, rows, strict=True):
@@ -170,7 +172,7 @@ def _gaps(frames, birds, rows, name):
         for frame, birds_here in of.items()
         if len(birds_here) > most
     ]
-    for frame, birds_here in of.items():
+    for frame, birds_here in () if may_lack else of.items():
         if len(problems) >= SHOWN:
             break
         missing, more = sorted(known - set(birds_here)), sorted(set(birds_here) - known)

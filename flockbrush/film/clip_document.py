@@ -162,6 +162,15 @@ class Book(StateStack):
         self.saved = state
         return written
 
+    def save_unfinished(self) -> list[Path]:
+        """Write everything there is when the program is interrupted; which files, none if there is nothing to keep.
+
+        Raises
+        ------
+        ProblemsError, OSError
+        """
+        return self.save()
+
     def _write_corrections(self, path):
         write_text(path, self.state.birds.corrections_text())
 

@@ -170,10 +170,13 @@ class PictureBook(Book):
         """The command that finds the formation in the marks."""
         return shlex.join(["flockbrush", "formation", "extract", str(self.out)])
 
-    def text(self) -> str:
-        """The marks of all birds that are in every picture, as `flockbrush formation extract` reads them."""
+    def text(self, gaps=False) -> str:
+        """The marks of all birds that are in every picture, as `flockbrush formation extract` reads them.
+
+        With gaps, of all birds; this window alone reads them then.
+        """
         birds, out = self.state.birds, io.StringIO()
-        partly = birds.partly()
+        partly = () if gaps else birds.partly()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(COLUMNS)
         for k, name in enumerate(self.film.names):
@@ -200,13 +203,19 @@ class PictureBook(Book):
         birds = self.state.birds
         if not set(birds.ids) - set(birds.partly()):
             raise refused(self.out, "was not written: at least one bird must be marked in every frame")
-        write_text(self.out, self.text())
+        return self._write(self.text())
+
+    def save_unfinished(self) -> list[Path]:
+        return self._write(self.text(gaps=True)) if self.state.birds.ids else []
+
+    def _write(self, text):
+        write_text(self.out, text)
         self.saved = self.state
         return [self.out]
 
     def _read_birds(self) -> Birds:
         """The birds that were saved before; all their pictures are then as a person left them."""
-        marks, used = read_marks(self.out, "up", self.wingspan)
+        marks, used = read_marks(self.out, "up", self.wingspan, gaps=True)
         if used["wingspan_px"] is None or not set(marks.frames) <= set(self.film.names):
             why = "already exists and has no marks for these pictures; choose another name with --out"
             raise refused(self.out, why)
@@ -219,7 +228,8 @@ class PictureBook(Book):
         for name, xs, ys in zip(marks.frames, marks.x * self.wingspan, -marks.y * self.wingspan, strict=True):
             here = dict(zip((numbers[bird] for bird in marks.birds), zip(xs, ys, strict=True), strict=True))
             px[place[name]] = [here[bird] for bird in ids]
-            corrections[place[name]] = {bird: (float(x), float(y), False) for bird, (x, y) in sorted(here.items())}
+            seen = {bird: at for bird, at in sorted(here.items()) if np.isfinite(at[0])}
+            corrections[place[name]] = {bird: (float(x), float(y), False) for bird, (x, y) in seen.items()}
         birds = Birds(px, tuple(ids), corrections)
         for k in sorted(corrections):
             birds = self._follower.follow(birds, k + 1)

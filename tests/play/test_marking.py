@@ -118,6 +118,23 @@ def test_what_was_saved_is_extracted_and_taken_up_again(tmp_path, open_window):
     assert not again.dirty
 
 
+def test_marks_with_gaps_are_kept_when_the_program_is_interrupted(tmp_path, open_window):
+    paths = film(tmp_path, 2)
+    window = open_window(paths)
+    window.key("right")
+    for bird in list(places(window, 1))[1:]:
+        window.book.do("gone", "formation", 1, birds=window.book.state.birds.remove(1, bird))
+    window.book.do("gone", "formation", 0, birds=window.book.state.birds.remove(0, 0))
+    window.click((30, 260))
+    assert len(window.book.state.birds.partly()) == len(window.book.state.birds.ids) == len(V)
+    assert not window.save() and not window.book.out.exists()
+    assert window.leave(keep=True) == f"{window.book.out}: marks were saved before the program ended"
+    again = PictureBook(PictureFilm(paths), window.book.out)
+    assert all(again.state.birds.at(k).keys() == window.book.state.birds.at(k).keys() for k in (0, 1))
+    done = CliRunner().invoke(commands, ["formation", "extract", str(window.book.out)])
+    assert "has 1 birds, frame" in str(done.exception)
+
+
 def test_one_photograph_works(tmp_path, open_window):
     window = open_window(film(tmp_path, 1))
     window.click((30, 30))

@@ -393,12 +393,13 @@ class ClipWindow(Window):
         self.mode.leave()
         if not keep or not self.book.dirty:
             return ""
+        told = ""
         try:
-            saved = self.book.save()
+            saved = self.book.save_unfinished()
         except (OSError, ProblemsError) as error:
             self.book.go_to(tempfile.mkdtemp(prefix=f"{self.book.stem}-marks-"))
             told = f"{error}\n"
-            saved = self.book.save()
-        else:
-            told = ""
+            saved = self.book.save_unfinished()
+        if not saved:
+            return f"{self.film.name}: there were no marks to save when the program ended"
         return f"{told}{', '.join(map(str, saved))}: marks were saved before the program ended"
