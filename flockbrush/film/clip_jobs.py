@@ -18,22 +18,27 @@ class ClipJob:
     name : str
         What is done, in words.
     do : callable
-        Called with a function ``say(share)``, share from 0 to 1, which raises `Stopped` when the work is not wanted
-        any more; what it returns is the result.
+        Called with a function ``say(share)``, share from 0 to 1, which raises `JobCancelled` when the work is not
+        wanted any more; what it returns is the result.
     then : callable
         Given the result, by `look`, in the thread that looks.
+    after : ClipJob, optional
+        Work that must have ended before this begins, since both need the same reader.
     """
 
-    def __init__(self, name, do, then):
+    def __init__(self, name, do, then, after: ClipJob | None = None):
         self.name, self.share = name, 0.0  # share: how much is done
         self._do, self._then = do, then
         self._result, self._error = None, None
         self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"flockbrush {name}", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(after,), name=f"flockbrush {name}", daemon=True)
         self._thread.start()
 
-    def _run(self):
+    def _run(self, after):
         try:
+            if after is not None:
+                after.is_over(None)
+                self._say(0)
             self._result = self._do(self._say)
         except JobCancelled:
             pass
@@ -52,8 +57,8 @@ class ClipJob:
         if wait:
             self.is_over(5.0)
 
-    def is_over(self, wait=0.0) -> bool:
-        """Whether the work has ended, or does so within some seconds."""
+    def is_over(self, wait: float | None = 0.0) -> bool:
+        """Whether the work has ended, or does so within some seconds; None: however long it takes."""
         self._thread.join(wait)
         return not self._thread.is_alive()
 

@@ -1,5 +1,7 @@
 """What a person marks in a film: frames in any order, birds put right, masks, landmarks, sketches, and their files."""
 
+import threading
+
 import cv2
 import numpy as np
 import pytest
@@ -420,6 +422,24 @@ def test_work_that_nobody_wants_stops():
     job = ClipJob("endless", endless, lambda result: pytest.fail("nobody wants it"))
     job.stop(wait=True)
     assert job.look()
+
+
+def test_work_waits_for_work_that_it_replaces():
+    going, free, got = threading.Event(), threading.Event(), []
+
+    def reading(say):
+        going.set()
+        free.wait(5)
+        got.append("old")
+        say(1)
+
+    old = ClipJob("old", reading, pytest.fail)
+    assert going.wait(5)
+    old.stop()
+    new = ClipJob("new", lambda say: got.append("new"), lambda result: got.append("told"), old)
+    assert not new.is_over(0.05) and not got
+    free.set()
+    assert waited(new) and got == ["old", "new", "told"]
 
 
 def test_who_has_sketched_birds_is_told_how_to_lift_them(tmp_path):

@@ -28,3 +28,28 @@ def test_a_body_is_as_long_as_learn_takes_it(sky_clip, open_window):
     window.drag((160, 90), (161.5, 90))
     assert window.book.state.marks.body_length is None
     assert window.said() == ["A body has 2 to 2000 pixels, not 1.5."]
+
+
+def test_birds_are_tracked_by_one_job_at_a_time(sky_clip, open_window, monkeypatch):
+    from flockbrush.film.bird_marks import Follower
+
+    window, reading, most = open_window(Film(sky_clip), "birds"), [], []
+    frame_of = Follower.blobs
+
+    def blobs(self, f):
+        reading.append(f)
+        most.append(len(reading))
+        try:
+            return frame_of(self, f)
+        finally:
+            reading.pop()
+
+    monkeypatch.setattr(Follower, "blobs", blobs)
+    window.push("Track birds")
+    first = window.jobs["birds"]
+    for _ in range(3):
+        window.key("f")
+    assert window.jobs["birds"] is first
+    window.mode._follow(0)
+    window.wait()
+    assert len(window.book.state.birds.ids) == 3 and max(most) == 1

@@ -78,10 +78,9 @@ class BirdsMode(Mode):
         else:
             self.pending.say(f"corrected from frame {birds.pending} on")
         self.freshen_bird()
-        busy = "birds" in self.window.jobs
-        enabled(self.stop, busy)
-        enabled(self.begin, not busy)
-        enabled(self.on, not busy and birds.ids)
+        enabled(self.stop, self._busy)
+        enabled(self.begin, not self._busy)
+        enabled(self.on, not self._busy and birds.ids)
 
     def freshen_bird(self):
         """Update the controls for the selected bird."""
@@ -97,8 +96,14 @@ class BirdsMode(Mode):
 
     # following ----------------------------------------------------------------------------
 
+    @property
+    def _busy(self):
+        return "birds" in self.window.jobs
+
     def follow(self):
         """Follow on from the frame shown, or from the first that was put right if that is earlier; asks before all."""
+        if self._busy:
+            return
         pending = self.state.birds.pending
         k = self.window.k if pending is None else min(pending, self.window.k)
         if k:
@@ -136,7 +141,7 @@ class BirdsMode(Mode):
 
     def stop_following(self):
         """Leave the tracks as they are."""
-        if "birds" in self.window.jobs:
+        if self._busy:
             self.window.jobs["birds"].stop()
 
     # edits --------------------------------------------------------------------------------

@@ -174,10 +174,11 @@ class ClipWindow(Window):
             self.playing = False
 
     def job(self, key, name, do, then):
-        """Start a background job; an older job with the same key is dropped."""
-        if key in self.jobs:
-            self.jobs.pop(key).stop()
-        self.jobs[key] = ClipJob(name, do, then)
+        """Start a background job; an older job with the same key is dropped, and ends before this begins."""
+        older = self.jobs.pop(key, None)
+        if older is not None:
+            older.stop()
+        self.jobs[key] = ClipJob(name, do, then, older)
 
     def _look_at_jobs(self):
         for key, job in list(self.jobs.items()):
