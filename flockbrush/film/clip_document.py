@@ -17,7 +17,7 @@ from flockbrush.film.bird_marks import Birds
 from flockbrush.film.clip_layers import MaskLayer, read_obstacles, read_regions, write_obstacles, write_regions
 from flockbrush.film.flight_sketch import FlightSketch
 from flockbrush.film.flight_sketch import Path as Drawn
-from flockbrush.film.landmarks import Landmark
+from flockbrush.film.landmarks import Landmark, between
 from flockbrush.film.marks_file import SCHEMA, read_film_marks
 from flockbrush.film.track_clip import table_of
 from flockbrush.film.tracks import read_marks, read_tracks
@@ -66,6 +66,7 @@ class Book(StateStack):
         super().__init__(state, UNDONE)
         self.film, self.folder = film, Path(folder)
         self.stem = Path(film.name).stem
+        self.followed: dict[Landmark, np.ndarray] = {}  # (F, 4) x, y, w, h of landmarks that were followed
         self._ours: set[Path] = set()  # files that were read or written here
 
     # doing --------------------------------------------------------------------------------
@@ -92,10 +93,10 @@ class Book(StateStack):
         marks, words = state.marks, ["flockbrush", "learn", str(self.film.path or self.film.name)]
         words += ["--out", name_like(self.stem) + SUFFIX]
         if marks.first is not None or marks.last is not None:
-            last = len(self.film) - 1 if marks.last is None else marks.last
-            words += ["--frames", f"{marks.first or 0}:{last}"]
+            used = self._used(marks)
+            words += ["--frames", f"{used[0]}:{used[-1]}"]
         for landmark in marks.landmarks if len(marks.landmarks) > 1 else ():  # one alone holds nothing still
-            words += ["--landmark", landmark.argument]
+            words += ["--landmark", self._in_used_frames(landmark, marks).argument]
         if marks.body_colour is not None:
             words += ["--body-colour", ",".join(map(str, marks.body_colour))]
         if marks.body_length is not None:
@@ -104,6 +105,27 @@ class Book(StateStack):
             if not layer.blank:
                 words += [f"--{part}", str(self.place(f"{part}.png"))]
         return shlex.join(words)
+
+    def _used(self, marks) -> range:
+        """The frames that are used."""
+        return range(marks.first or 0, len(self.film) if marks.last is None else marks.last + 1)
+
+    def _in_used_frames(self, landmark, marks):
+        """A landmark as it is in the nearest used frame in which it was found; itself if in none."""
+        used = self._used(marks)
+        if landmark in self.followed and landmark.frame not in used:
+            for k in sorted(used, key=lambda k: abs(k - landmark.frame)):
+                x, y, w, h = self.followed[landmark][k]
+                carried = between(k, (x, y), (x + w, y + h), self.film.size) if np.isfinite(x) else None
+                if carried is not None:
+                    return carried
+        return landmark
+
+    def unused_landmarks(self) -> list[Landmark]:
+        """Landmarks that `flockbrush learn` refuses, since they are in no used frame."""
+        marks = self.state.marks
+        found = (self._in_used_frames(landmark, marks) for landmark in marks.landmarks)
+        return [landmark for landmark in found if landmark.frame not in self._used(marks)]
 
     @property
     def learns(self) -> bool:

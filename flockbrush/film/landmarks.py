@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from flockbrush.film.camera_maps import fitted
+from flockbrush.film.clip_reader import WORK
 
-LEAST = 8  # pixels of a rectangle's side
+LEAST = 8  # pixels of a rectangle's side, in the pictures that `flockbrush learn` works on
 SIDE = 640  # pixels: larger pictures are made so small to be followed in
 MOST = 8  # landmarks of a film
 
@@ -29,16 +31,23 @@ class Landmark(NamedTuple):
         return f"{self.frame}:" + ",".join(str(round(part)) for part in self[1:])
 
 
+def least_side(size) -> int:
+    """The least side of a landmark in a film of this size, pixels of the film."""
+    return math.ceil(LEAST * max(1.0, max(size) / WORK))
+
+
 def between(frame, one, other, size) -> Landmark | None:
     """The landmark between two corners, within the picture; None when it is too small."""
     low = np.clip(np.minimum(one, other), 0, size)
     high = np.clip(np.maximum(one, other), 0, size)
     x, y, w, h = (float(v) for v in np.round([*low, *(high - low)]))
-    return Landmark(frame, x, y, w, h) if min(w, h) >= LEAST else None
+    return Landmark(frame, x, y, w, h) if min(w, h) >= least_side(size) else None
 
 
 def followed(film, landmark, say=lambda share: None) -> np.ndarray:
     """Where a landmark is in every frame, (F, 4) x, y, w, h in pixels, NaN where it is lost: CSRT both ways.
+
+    One that CSRT cannot follow, such as a rectangle of one pixel of the reduced picture, is in its own frame alone.
 
     Parameters
     ----------
@@ -47,13 +56,14 @@ def followed(film, landmark, say=lambda share: None) -> np.ndarray:
     say : callable, optional
         Called with the share that is done.
     """
-    boxes = np.full((len(film), 4), np.nan)
-    boxes[landmark.frame] = landmark[1:]
-    done = 1
+    boxes, done = lost(film, landmark), 1
     scale = min(1.0, SIDE / max(film.size))
     for way in (range(landmark.frame + 1, len(film)), range(landmark.frame - 1, -1, -1)):
         tracker = csrt()
-        tracker.init(_small(film.frame(landmark.frame), scale), tuple(round(part * scale) for part in landmark[1:]))
+        try:
+            tracker.init(_small(film.frame(landmark.frame), scale), tuple(round(part * scale) for part in landmark[1:]))
+        except cv2.error:
+            break
         for k in way:
             fine, box = tracker.update(_small(film.frame(k), scale))
             if not fine:
@@ -61,6 +71,13 @@ def followed(film, landmark, say=lambda share: None) -> np.ndarray:
             boxes[k] = np.array(box) / scale
             done += 1
             say(done / len(film))
+    return boxes
+
+
+def lost(film, landmark) -> np.ndarray:
+    """The places of a landmark that is in its own frame alone, as `followed` gives them."""
+    boxes = np.full((len(film), 4), np.nan)
+    boxes[landmark.frame] = landmark[1:]
     return boxes
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from flockbrush.film.camera_maps import LOST, Steady, after, back, fitted, joined_tracks, moved_by, scaled_maps, zoom_of
 from flockbrush.film.clip_reader import Clip, Say, silent
-from flockbrush.film.landmarks import csrt
+from flockbrush.film.landmarks import csrt, least_side
 from flockbrush.film.observations import CannotObserve
 
 SIDE = 640  # px, the longer side of the pictures in which corners are followed
@@ -370,11 +370,12 @@ def _placed(clip, mark, shape):
             f"{clip.numbers[-1]}",
         )
     x, y, w, h = (value * clip.scale for value in (mark.x, mark.y, mark.w, mark.h))
-    if min(w, h) < 8 or x < 0 or y < 0 or x + w > shape[1] or y + h > shape[0]:
+    least = least_side(clip.full)
+    if min(mark.w, mark.h) < least or x < 0 or y < 0 or x + w > shape[1] or y + h > shape[0]:
         raise CannotObserve(
             clip.name,
             f"the landmark {mark.frame}:{mark.x:g},{mark.y:g},{mark.w:g},{mark.h:g} must be a rectangle left,top,width,"
-            f"height of at least 8 pixels inside the picture of {clip.full[0]} x {clip.full[1]}",
+            f"height of at least {least} pixels inside the picture of {clip.full[0]} x {clip.full[1]}",
         )
     return int(rows[0]), (round(x), round(y), round(w), round(h))
 

@@ -145,6 +145,13 @@ def test_a_landmark_is_followed_both_ways(tmp_path):
     assert np.abs(middles - np.array(PLACES)[:12]).max() < 3
 
 
+def test_a_landmark_that_csrt_does_not_take_is_in_its_own_frame_alone(tmp_path, monkeypatch):
+    film = Film(numbered_film(tmp_path / "n.avi", 4))
+    monkeypatch.setattr("flockbrush.film.landmarks.SIDE", 24)  # as in a large film
+    boxes = followed(film, Landmark(2, 60, 60, 8, 8))
+    assert np.isfinite(boxes).all(1).tolist() == [False, False, True, False]
+
+
 def test_two_landmarks_tell_shift_turn_and_size():
     turn = 1.2 * np.array([[0.8, -0.6], [0.6, 0.8]])
     at = np.array([[10.0, 20], [110, 60]])
@@ -159,6 +166,7 @@ def test_two_landmarks_tell_shift_turn_and_size():
 def test_a_rectangle_is_kept_within_the_picture_and_a_click_is_none():
     assert between(3, (50, 60), (-20, 10), (320, 180)) == (3, 0, 10, 50, 50)
     assert between(3, (50, 60), (52, 61), (320, 180)) is None
+    assert between(0, (0, 0), (15, 90), (2560, 1440)) is None and between(0, (0, 0), (16, 90), (2560, 1440))
     assert Landmark(3, 0, 10, 50, 50).argument == "3:0,10,50,50"
 
 

@@ -173,7 +173,7 @@ def test_rectangles_are_followed_shown_and_told_to_the_command(tmp_path, open_wi
     window.drag((20, 120), (50, 150))
     window.wait()
     assert "--landmark 1:66,76,30,34 --landmark 1:20,120,30,30" in window.book.learn_line()
-    assert window.mode.motion(1, 5) is not None
+    assert window.ground.motion(1, 5) is not None
     window.click((80, 90), button=3)
     assert len(window.book.state.marks.landmarks) == 1
     window.key("ctrl+z")

@@ -19,6 +19,7 @@ from flockbrush.studio.film.bird_tool import BirdsMode
 from flockbrush.studio.film.body_tool import BodyMode
 from flockbrush.studio.film.clip_column import ClipColumn, chosen
 from flockbrush.studio.film.clip_look import LookMode
+from flockbrush.studio.film.followed_ground import FollowedGround
 from flockbrush.studio.film.formation_tool import FormationMode
 from flockbrush.studio.film.frame_strip import FilmBar
 from flockbrush.studio.film.landmark_tool import LandmarksMode
@@ -59,6 +60,7 @@ class ClipWindow(Window):
         self.view = PictureView()
         self.jobs: dict = {}  # work that goes on beside the window
         self.lifting = Lifting(self, camera)
+        self.ground = FollowedGround(self)
         self._shown: tuple = ()
         self._late = 0.0  # s that playing is ahead of the frame shown
         filmed = isinstance(self.film, Film)
@@ -155,6 +157,7 @@ class ClipWindow(Window):
         self.events()
         self._play(dt)
         self._look_at_jobs()
+        self.ground.go_on()
         self.toasts.update(dt)
         self.manager.update(dt)
         self._freshen()
@@ -360,6 +363,9 @@ class ClipWindow(Window):
     def copy_line(self):
         """Copy the flockbrush learn command to the clipboard."""
         line = self.book.learn_line()
+        for landmark in self.book.unused_landmarks():
+            told = f"The landmark of frame {landmark.frame} is not found in any used frame: learn will refuse it."
+            self.toasts.say(told, "warning")
         try:
             pygame.scrap.put_text(line)
             later = "; save (Ctrl+S) before you run it" if self.book.dirty else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.film.landmarks import MOST, between, followed, motion
+from flockbrush.film.landmarks import MOST, between, least_side
 from flockbrush.render.style import PALETTE, rgb
 from flockbrush.studio.film.clip_column import enabled
 from flockbrush.studio.film.mode import Mode
@@ -24,8 +24,6 @@ class LandmarksMode(Mode):
     def __init__(self, window):
         super().__init__(window)
         self.held = None  # where the rectangle was begun and where it is now, pixels of the film
-        self.found: dict = {}  # of each landmark, (F, 4)
-        self._film = None
 
     def fill(self, column):
         column.note(
@@ -52,37 +50,11 @@ class LandmarksMode(Mode):
             return
         for k, row in enumerate(self.rows):
             exists = k < len(marks)
-            text = f"{k + 1}: frame {marks[k].frame}, {self._said(marks[k])}" if exists else "–"
+            text = f"{k + 1}: frame {marks[k].frame}, {self.window.ground.said(marks[k])}" if exists else "–"
             if row.text != text:
                 row.set_text(text)
             enabled(row, exists)
         enabled(self.all_gone, marks)
-        for mark in marks:
-            if mark not in self.found and f"landmark {mark.argument}" not in self.window.jobs:
-                self._follow(mark)
-
-    def _said(self, mark):
-        boxes = self.found.get(mark)
-        if boxes is None:
-            return "following"
-        lost = int((~np.isfinite(boxes[:, 0])).sum())
-        return f"lost in {lost}" if lost else "in all frames"
-
-    def _follow(self, mark):
-        if any(key.startswith("landmark") for key in self.window.jobs):
-            return  # one after the other
-        self._film = self._film or self.window.film.again()
-        film = self._film
-        self.window.job(
-            f"landmark {mark.argument}",
-            "tracking landmarks",
-            lambda say: followed(film, mark, say),
-            lambda boxes: self.found.__setitem__(mark, boxes),
-        )
-
-    def motion(self, a, b):
-        """How the picture moved between two frames, (2, 3), by the landmarks followed so far; None if not known."""
-        return motion([self.found[mark] for mark in self.state.marks.landmarks if mark in self.found], a, b)
 
     def go(self, k):
         """Show the frame a landmark was drawn in."""
@@ -97,11 +69,9 @@ class LandmarksMode(Mode):
 
     def draw(self, canvas):
         for k, mark in enumerate(self.state.marks.landmarks):
-            own = mark.frame == self.window.k
-            boxes = self.found.get(mark)
-            box = mark[1:] if own else None if boxes is None else boxes[self.window.k]
-            if box is not None and np.isfinite(box[0]):
-                self._draw_box(canvas, np.array(box[:2]), np.array(box[:2]) + box[2:], COLOURS[k % 8], str(k + 1), own)
+            box, own = self.window.ground.box(mark, self.window.k), mark.frame == self.window.k
+            if box is not None:
+                self._draw_box(canvas, box[:2], box[:2] + box[2:], COLOURS[k % 8], str(k + 1), own)
         if self.held is not None:
             self._draw_box(canvas, *map(np.array, self.held), COLOURS[len(self.state.marks.landmarks) % 8], "", True)
 
@@ -134,21 +104,18 @@ class LandmarksMode(Mode):
             marks = (*self.state.marks.landmarks, landmark)
             self.mark(f"landmark {len(marks)}", landmarks=marks)
         elif held is not None:
-            self.window.toasts.say("Drag from one corner of the rectangle to the other.")
+            least = least_side(self.window.film.size)
+            self.window.toasts.say(
+                f"Drag from one corner of the rectangle to the other; it must have at least {least} x {least} pixels."
+            )
 
     def click_right(self, place, at):
         for k, mark in enumerate(self.state.marks.landmarks):
-            box = self._box(mark)
+            box = self.window.ground.box(mark, self.window.k)
             if box is not None and (box[:2] <= place).all() and (place <= box[:2] + box[2:]).all():
                 rest = self.state.marks.landmarks[:k] + self.state.marks.landmarks[k + 1 :]
                 self.mark(f"landmark {k + 1} removed", landmarks=rest)
                 return
-
-    def _box(self, mark):
-        """Where a landmark is in the frame shown, (4,), or None."""
-        boxes = self.found.get(mark)
-        box = np.array(mark[1:]) if mark.frame == self.window.k else None if boxes is None else boxes[self.window.k]
-        return box if box is not None and np.isfinite(box[0]) else None
 
     def let_go(self):
         self.held = None

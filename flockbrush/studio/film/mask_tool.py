@@ -34,10 +34,12 @@ class PaintMode(Mode):
 
     @property
     def hint(self):
-        """What the mouse does; where the mask belongs, when nobody knows where it has gone."""
+        """What the mouse does; why it does nothing where nobody knows where the mask has gone."""
         if self._to_first() is None:
-            return "The mask belongs to the first used frame; here it is placed with the landmarks"
-        return "Drag: paint   Right click: fill   B, E, F: brush, eraser, fill   [ ]: size   Wheel: zoom"
+            return self._unknown()
+        how = "Drag: paint   Right click: fill   B, E, F: brush, eraser, fill   [ ]: size   Wheel: zoom"
+        still = f"The mask belongs to frame {self._first()}; without landmarks the camera is taken to stand still   "
+        return how if self.state.marks.landmarks or self.window.k == self._first() else still + how
 
     def fill(self, column):
         self.layers = column.pair(
@@ -115,19 +117,31 @@ class PaintMode(Mode):
 
     def _to_first(self):
         """The motion from this frame to the one that the mask belongs to, (2, 3); None where it is not known."""
-        marks = next(mode for mode in self.window.modes if mode.name == "landmarks")
-        return marks.motion(self.window.k, self._first())
+        return self.window.ground.motion(self.window.k, self._first())
+
+    def _unknown(self):
+        """Why the motion is not known."""
+        marks, first = self.state.marks.landmarks, self._first()
+        if any(self.window.ground.waits_for(mark) for mark in marks):
+            return f"The landmarks are still being followed; until then, paint in frame {first}"
+        return f"No landmark is found both here and in frame {first}, to which the mask belongs; paint in another frame"
 
     def _there(self, place):
+        """The place in the frame that the mask belongs to; None, and told, where that is not known."""
         matrix = self._to_first()
-        return np.array(place) if matrix is None else moved_by(matrix, place)
+        if matrix is None:
+            self.window.toasts.say(self._unknown(), "warning")
+            return None
+        return moved_by(matrix, place)
 
     def _value(self):
         return 0 if self.tool == "erase" else OBSTACLE if self.layer == "obstacles" else self.region
 
     def press(self, place, at):
-        self.array = self._array().copy()
         self._last = self._there(place)
+        if self._last is None:
+            return False
+        self.array = self._array().copy()
         if self.tool == "fill":
             fill(self.array, self._last, self._value())
         else:
@@ -135,8 +149,8 @@ class PaintMode(Mode):
         return True
 
     def drag(self, place, at):
-        if self.array is not None and self.tool != "fill":
-            there = self._there(place)
+        there = self._there(place) if self.array is not None and self.tool != "fill" else None
+        if there is not None:
             stroke(self.array, self._last, there, self.radius, self._value())
             self._last = there
 
@@ -147,8 +161,10 @@ class PaintMode(Mode):
             self.edit(f"{self.layer} {what}", **{self.layer: MaskLayer.of(array)})
 
     def click_right(self, place, at):
-        array = self._array().copy()
-        fill(array, self._there(place), self._value())
+        there, array = self._there(place), self._array().copy()
+        if there is None:
+            return
+        fill(array, there, self._value())
         if not np.array_equal(array, self._array()):
             self.edit(f"{self.layer} filled", **{self.layer: MaskLayer.of(array)})
 
@@ -162,14 +178,13 @@ class PaintMode(Mode):
 
     def draw(self, canvas):
         matrix = self._to_first()
-        matrix = None if matrix is None else back(matrix)
-        for name in ("regions", "obstacles"):
+        for name in ("regions", "obstacles") if matrix is not None else ():
             layer = getattr(self.state, name)
             array = self._array() if name == self.layer else layer.array
             if self.array is not None or not layer.blank:
                 lay_over(
                     canvas.image,
-                    self.window.warped(array, matrix),
+                    self.window.warped(array, back(matrix)),
                     self._table(name),
                     SEEN if name == self.layer else 0.2,
                 )

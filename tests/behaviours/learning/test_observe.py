@@ -1,5 +1,7 @@
 """What is seen in films of herds is what was filmed: where the camera was, who is where, how fast and which way."""
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
@@ -102,6 +104,17 @@ def test_a_landmark_that_leaves_the_picture_or_is_plain_is_told(band, tmp_path):
         follow_landmarks(open_clip(band.path), [Landmark(0, 470, 100, 60, 50)])
     with pytest.raises(CannotObserve, match="in a frame that is not used; used frames: 0 to 19"):
         follow_landmarks(open_clip(band.path), [Landmark(99, 20, 100, 60, 50)])
+
+
+def test_a_landmark_has_enough_pixels_of_the_reduced_picture():
+    picture = np.zeros((720, 1280, 3), np.uint8)
+    large = SimpleNamespace(
+        name="large.mp4", read=lambda: [(0, picture)], numbers=np.array([0]), scale=0.5, full=(2560, 1440)
+    )
+    with pytest.raises(CannotObserve, match="height of at least 16 pixels inside the picture of 2560 x 1440"):
+        follow_landmarks(large, [Landmark(0, 100, 100, 15, 50)])
+    with pytest.raises(CannotObserve, match="has no corners"):
+        follow_landmarks(large, [Landmark(0, 100, 100, 16, 50)])
 
 
 def test_a_camera_that_stands_is_left_alone(still):
