@@ -16,9 +16,9 @@ from flockbrush.systems.commands import AddAnimals, AddObstacle, RemoveAnimals, 
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, RemoveThing
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import Nursery
-from flockbrush.systems.mark_commands import DrawZone, PlaceKey
+from flockbrush.systems.mark_commands import PlaceKey
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.undo import MixBrush, UseBrush
+from flockbrush.systems.undo import UseBrush
 from small_pasture import of_ones_own, pasture, stroke, texts, verified
 
 from flockbrush.cli.main import called
@@ -277,13 +277,6 @@ def test_a_level_whose_script_names_what_was_removed_is_not_written(tmp_path, wh
     assert level.read_bytes() == before and not (tmp_path / "copy.tmj").exists() and session.dirty
     assert session.do("key", [RemoveThing("key", key)]) and session.save() == level and read_level(level)
     session.close()
-
-
-def test_a_level_that_names_a_brush_between_two_is_not_written(session):
-    zone = DrawZone(100, "between", [[2, 2], [8, 2], [8, 8], [2, 8]], brush="march--swarm--6of12")
-    mixed = [UseBrush("swarm", shipped().get("swarm").source.decode()), MixBrush("swarm", {})]
-    assert session.do("zone", [*mixed, zone]), texts(session)
-    assert session.save() is False and "there is no brush 'march--swarm--6of12'" in texts(session)[0]
 
 
 def test_a_brush_is_not_replaced_unasked(session):
