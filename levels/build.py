@@ -73,6 +73,7 @@ class Simulation:
 
     def __init__(self, world: World, level: Level, shuffle_seed: int | None = None):
         self.world, self.level = world, level
+        self.origin: dict[str, int | None] = {}  # seed and number of animals that were asked for, if `build` made it
         self.schedule = Schedule(systems(), shuffle_seed)
 
     def __repr__(self):
@@ -202,10 +203,10 @@ def build(
     if agents is not None:
         level = scaled(level, agents)
     world = World(AGENT, capacity=max(256, level.agents))
-    palette = _palette(level, library)
+    palette, seed = _palette(level, library), seed_of(level.seed if seed is None else seed)
     for resource in (
         Clock(DT),
-        Noise(seed_of(level.seed if seed is None else seed)),
+        Noise(seed),
         Commands(),
         SpeciesList(species, getattr(library, "species", None) or shipped_species()),
         palette,
@@ -220,6 +221,7 @@ def build(
         world.insert(resource)
     world.insert(landscape_of(level, palette))
     simulation = Simulation(world, level, shuffle_seed)
+    simulation.origin = {"seed": seed, "agents": agents}
     _bear_first(world, level)
     _queue_script(simulation, level)
     return simulation

@@ -17,10 +17,11 @@ import flockbrush
 from flockbrush import levels
 from flockbrush.behaviours.brush import SUFFIX, load_brush
 from flockbrush.engine import limits
+from flockbrush.engine.commands import Commands
 from flockbrush.engine.files import output_problems, refused, sha256_of
 from flockbrush.engine.keyframe_spacing import KeyframeSpacing
 from flockbrush.engine.locks import Advice
-from flockbrush.engine.noise import seed_of, whole
+from flockbrush.engine.noise import whole
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.engine.recording import MANY, RecordedRun, Recorder, Recording, RecordingError, resume
 from flockbrush.engine.recording_format import packed_size
@@ -141,24 +142,6 @@ def _is_key_of_programs(thing):
 
 def begin(level, library, seed=None, agents=None) -> Simulation:
     """Build the simulation of a level that was read, as `start` does; ProblemsError."""
-    simulation = _built(level, seed, agents, library)
-    simulation.origin = {"seed": seed_of(level.seed if seed is None else seed), "agents": agents}
-    return simulation
-
-
-def from_files(files, seed=None, agents=None) -> Simulation:
-    """The world of a level from nothing but the bytes of its files (`Simulation.assets`), the level first.
-
-    Raises
-    ------
-    ProblemsError
-    """
-    library = recorded_library(files)
-    level = read_level_files(files, library)
-    return _built(level, level.seed if seed is None else seed, agents, library)
-
-
-def _built(level, seed, agents, library):
     if agents is None:
         return build(level, seed, library=library)
     if not 1 <= whole("agents", agents) <= limits.ANIMALS:
@@ -169,11 +152,22 @@ def _built(level, seed, agents, library):
         raise refused(level.path, str(error)) from None
 
 
+def from_files(files, seed=None, agents=None) -> Simulation:
+    """The world of a level from nothing but the bytes of its files (`Simulation.assets`), the level first.
+
+    Raises
+    ------
+    ProblemsError
+    """
+    library = recorded_library(files)
+    return begin(read_level_files(files, library), library, seed, agents)
+
+
 # recordings ------------------------------------------------------------------------
 
 
 def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | None = None) -> Recorder:
-    """Begin to record a simulation from `start` or `rebuild`; call ``take()`` after every tick.
+    """Begin to record the simulation of a level before its first tick; call ``take()`` after every tick.
 
     A hash and sums are kept for every tick, so that a replay can name the very tick that differs; ``keyframes`` is the
     number of ticks between snapshots, `usual_keyframes` by default.
@@ -181,12 +175,13 @@ def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | Non
     Raises
     ------
     ProblemsError
-        Where nothing can be written, or where a file of the level would be lost.
+        Where nothing can be written, or a file of the level would be lost; where there is no level, or it has run.
     """
+    beginning = beginning_of(simulation)
     if problems := output_problems([path], simulation.inputs([path])):
         raise ProblemsError(problems)
     spacing = usual_keyframes(simulation, keyframes)
-    return Recorder(Recording.create(path, *beginning_of(simulation)), simulation.world, 1, spacing)
+    return Recorder(Recording.create(path, *beginning), simulation.world, 1, spacing)
 
 
 def usual_keyframes(simulation, keyframes: int | None = None) -> KeyframeSpacing:
@@ -218,8 +213,16 @@ def hashed_rate(simulation) -> float:
 
 
 def beginning_of(simulation):
-    """(header, assets) of the recording of a simulation before its first tick."""
-    name, assets = rooted(simulation.assets(), simulation.level.path)
+    """(header, assets) of the recording of a simulation before its first tick; ProblemsError where it cannot be one."""
+    level, tick = simulation.level, simulation.clock.tick
+    if not level.files:
+        why = "it was not read from a level file, which a recording embeds; draw a level and start that"
+        raise refused(level.name, f"this simulation cannot be recorded: {why}")
+    if tick or simulation.world.resource(Commands).log:
+        happened = f"it is at tick {tick}" if tick else "commands have changed it already"
+        why = f"{happened}, and what was before would be lost; start the level anew and record it from the first tick"
+        raise refused(level.path, f"this simulation cannot be recorded: {why}")
+    name, assets = rooted(simulation.assets(), level.path)
     header = {
         **simulation.origin,
         "dt": simulation.clock.dt,

@@ -11,7 +11,10 @@ import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.engine.commands import Commands
 from flockbrush.engine.parallel import set_threads, threads
+from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import Recording, open_recording, resume, state_hash
+from flockbrush.levels.build import build, plane
+from flockbrush.levels.reader import read_level
 from flockbrush.systems.commands import AddAnimals, PaintBrush, SwitchBrush
 from pens import pen
 from processes import environment, other_process
@@ -151,6 +154,26 @@ def test_ticks_that_were_not_recorded_one_by_one_are_compared_at_the_end(cli, le
     assert done.code == 0 and "all 2 of 31 states up to tick 30 that were recorded are identical" in done.out
     copied(tmp_path / "a.flock", tmp_path / "b.flock", {30: flipped(state_hash(simulation.world))})
     assert cli("replay", tmp_path / "b.flock", "--verify").code == 1
+
+
+def test_a_level_that_was_read_and_built_is_recorded_too(cli, level, tmp_path):
+    simulation = build(read_level(level), seed=8)
+    with record(tmp_path / "a.flock", simulation):
+        simulation.run(12)
+    assert cli("replay", tmp_path / "a.flock", "--verify").code == 0
+    assert open_recording(tmp_path / "a.flock").header["seed"] == 8
+
+
+def test_what_has_run_or_has_no_level_is_not_recorded(level, tmp_path):
+    path, edited, herd = tmp_path / "a.flock", start(level), plane(shipped().get("march"), 4)
+    edited.world.resource(Commands).perform(edited.world, [SwitchBrush("swarm")])
+    for simulation, said in ((edited, "commands have changed it already"), (herd, "not read from a level file")):
+        with pytest.raises(ProblemsError, match=f"cannot be recorded: .*{said}"):
+            record(path, simulation)
+    edited.run(2)
+    with pytest.raises(ProblemsError, match=f"{level.name}: .* at tick 2, .* would be lost; start the level anew"):
+        record(path, edited)
+    assert not path.exists()
 
 
 def test_the_script_runs_once_though_level_and_recording_both_know_it(recording):
