@@ -17,7 +17,7 @@ from flockbrush.behaviours.brush import Brush, BrushLibrary, flies_free
 from flockbrush.behaviours.file_library import check_schema
 from flockbrush.behaviours.spec import Finite, Line, Spec, Text, spec_field
 from flockbrush.behaviours.tomlfile import parse_toml
-from flockbrush.behaviours.validation import validated
+from flockbrush.behaviours.validation import bounds, validated
 from flockbrush.engine.problems import ProblemsError
 from pydantic import BaseModel, Field, model_validator
 
@@ -143,12 +143,12 @@ def _number(a, b, share):
 
 
 def _between(a: BaseModel, b: BaseModel, share: float, extra: dict[str, float]) -> Any:
-    """Parameters between two of one kind, within the bounds of both and what a detour adds."""
+    """Parameters between two of one kind and what a detour adds, each within its bounds."""
     values = {}
-    for name in type(a).model_fields:
+    for name, field in type(a).model_fields.items():
         one, two = getattr(a, name), getattr(b, name)
         if all(isinstance(value, int | float) and not isinstance(value, bool) for value in (one, two)):
-            value = _number(one, two, share) + extra.get(name, 0.0)
+            value = bounds(field).nearest(_number(one, two, share) + extra.get(name, 0.0))
             values[name] = round(value) if isinstance(one, int) and isinstance(two, int) else value
         else:
             values[name] = one if share < 0.5 else two

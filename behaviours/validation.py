@@ -33,6 +33,14 @@ class Bounds(NamedTuple):
         words = ("at least", self.least), ("above", self.above), ("at most", self.most), ("below", self.below)
         return " and ".join(f"{word} {bound:g}" for word, bound in words if bound is not None)
 
+    def nearest(self, value: float) -> float:
+        """The number within the bounds that is nearest to this one."""
+        for bound in (self.least, None if self.above is None else math.nextafter(self.above, math.inf)):
+            value = value if bound is None else max(value, bound)
+        for bound in (self.most, None if self.below is None else math.nextafter(self.below, -math.inf)):
+            value = value if bound is None else min(value, bound)
+        return value
+
 
 def bounds(field: FieldInfo) -> Bounds:
     """The bounds of a pydantic field."""

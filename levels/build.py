@@ -237,7 +237,10 @@ def _palette(level, library):
             file, source = library.path_between(start.name, end)
             level.paths[f"brushes/{file}"] = source
             paths[start.name, end] = path
-    return Palette(brushes, over, paths)
+    try:
+        return Palette(brushes, over, paths)
+    except ValueError as error:  # a model refuses the numbers between two brushes
+        raise ProblemsError([Problem(str(level.path), None, None, f"paint of part weight: {error}")]) from None
 
 
 def brushes_used(level):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from flockbrush.behaviours.brush import flies_free
+from flockbrush.behaviours.brush import SUFFIX, flies_free
 from flockbrush.behaviours.mixture import can_mix, path_between
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.raster import Raster
@@ -89,7 +89,19 @@ def _mixing_hint(library, start, end):
             f"there is no measured path from {start!r} to {end!r}: parameters are mixed linearly, and behaviour may "
             f"jump; flockbrush brush morph {start} {end} measures a path"
         )
+    if other := _replaced(library, start, end):
+        return (
+            f"the path from {start!r} to {end!r} was measured with another brush {' and '.join(map(repr, other))}, "
+            f"so behaviour may jump; flockbrush brush morph {start} {end} measures it anew"
+        )
     return ""
+
+
+def _replaced(library, start, end):
+    """Those of two brushes that are not the brush of their name beside the measured path: it was measured with that."""
+    file = library.file_called(library.path_between(start, end)[0])
+    beside = {name: file.with_name(name + SUFFIX) for name in (start, end)}
+    return [name for name, own in beside.items() if own.is_file() and own.read_bytes() != library.get(name).source]
 
 
 def level_hints(level, places):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import contextmanager
 
 import numpy as np
 from flockbrush.behaviours.behaviour import GUIDED, Flight, behaviours
@@ -47,10 +48,13 @@ class Palette:
         return len(self.brushes)
 
     def add(self, brush):
-        """Index of this brush; one of the same name is replaced, so that whoever has it moves by the new one."""
-        self._put(brush)
-        self._mix([brush])
-        self._tabulate()
+        """Index of this brush; one of the same name is replaced, so that whoever has it moves by the new one.
+
+        ValueError, and no change, where there can be no brush between this one and another.
+        """
+        with self._whole():
+            self._put(brush)
+            self._mix([brush])
         return self.index[brush.name]
 
     def _know(self):
@@ -63,15 +67,21 @@ class Palette:
 
     def mix(self, name, files):
         """Have brushes between every other brush and this one, by measured paths too: {file: text}; ValueError."""
-        before, (later, known) = self.state(), self._brought
-        if name not in self.over:
-            later[name] = None
-        known |= files
-        self._know()
-        try:
+        with self._whole():
+            later, known = self._brought
+            self._brought = later if name in self.over else {**later, name: None}, known | files
+            self._know()
             self._mix(self.own)
-        except ValueError:  # a detour leads out of the bounds of a number
-            self.set_state(before)
+
+    @contextmanager
+    def _whole(self):
+        """Change all of the palette, or nothing where it fails: a model may refuse the numbers between two brushes."""
+        before = list(self.brushes), dict(self.index), self._brought
+        try:
+            yield
+        except ValueError:
+            self.brushes, self.index, self._brought = before
+            self._know()
             raise
         self._tabulate()
 

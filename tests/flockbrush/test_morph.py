@@ -149,6 +149,12 @@ def test_added_noise_is_nothing_at_the_ends_and_whole_from_the_first_eighth_to_t
     assert wander == pytest.approx([0.0, 0.4, 0.8, 0.8, 0.8, 0.0])  # both brushes have none
 
 
+def test_added_noise_stays_within_its_bounds():
+    ends = shipped().get("mill-filled"), shipped().get("swarm")
+    assert max(brush.params.wander for brush in ends) > 0.5
+    assert brush_at(*ends, 0.5, Route(9.9)).params.wander == 10.0
+
+
 def test_what_differs_more_than_tenfold_goes_by_ratio_and_the_rest_straight():
     graze, march = shipped().get("graze"), shipped().get("march")  # alignment .015 and .499, cohesion .08 and .505
     third, straight = brush_at(graze, march, 1 / 3).params, mixed(graze, march, 1 / 3).params

@@ -1,15 +1,18 @@
 """What is allowed in a level and rarely meant is a warning, with the object it is about."""
 
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.brush import shipped
+from flockbrush.behaviours.brush import BrushLibrary, shipped
 from flockbrush.behaviours.mixture import BrushPath, path_to_toml
+from flockbrush.levels.build import build
 from flockbrush.levels.hints import mixing_hints
 from flockbrush.levels.reader import read_level_files
 from flockbrush.levels.schema import BrushLayer, PaintBounds
+from flockbrush.systems.palette import Palette
 from small_level import herd, level, objects, png, polyline, problems, properties, read, thing, tiles, with_objects
 
 
@@ -234,13 +237,28 @@ class TestPaint:
     )
     def test_a_measured_way_that_is_not_even_is_named_too(self, worth, said):
         path = path_to_toml(BrushPath(start="graze", end="march", along=(0, 1), measured="table", **worth)).encode()
-        library = SimpleNamespace(get=shipped().get, path_between=lambda start, end: ("a path", path))
+        library = SimpleNamespace(get=shipped().get, path_between=lambda *pair: ("a path", path), file_called=Path)
         pairs = [SimpleNamespace(brush="graze")]
         mixing = BrushLayer("brush", 0.5, ["march"], np.zeros((2, 2), int), PaintBounds(blend="mix"))
         told = []
         made = SimpleNamespace(brush_layers=[mixing], zones=[], spawns=pairs)
         mixing_hints(made, {}, library, SimpleNamespace(warn=told.append))
         assert len(told) == (said is not None) and all(said in words for words in told)
+
+    def test_a_path_that_was_measured_with_another_brush_is_named(self, tmp_path):
+        """Its detours fit the shipped brush; with another they stay within the bounds of the numbers."""
+        changed = shipped().get("march").with_parameters(alignment_weight=0.2)
+        (tmp_path / "march.brush.toml").write_bytes(changed.source)
+        library = BrushLibrary([tmp_path, *shipped().folders])
+        layer = tiles("brush", [3] * 100, opacity=0.5, properties=properties(blend="mix"))
+        document = level(tiles(), layer, objects("spawns", herd(brush="graze")))
+        found = read_level_files({"small.tmj": json.dumps(document).encode()}, library)
+        assert len(found.warnings) == 1
+        said = "the path from 'graze' to 'march' was measured with another brush 'march', so behaviour may jump"
+        assert said in str(found.warnings[0])
+        simulation = build(found, library=library)
+        assert simulation.world.resource(Palette).named("graze--march--6of12") >= 0
+        simulation.close()
 
 
 BANK = np.repeat([0, 200], 10).astype(np.uint8)[:, None].repeat(20, 1)  # up to the south

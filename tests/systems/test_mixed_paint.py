@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.mixture import STEPS, BrushPath, load_path, mixed, path_to_toml, step_name
+from flockbrush.behaviours.mixture import STEPS, BrushPath, load_path, mixed, path_to_toml, step_name, steps_between
 from flockbrush.components import BrushBinding
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.schema import BrushLayer, PaintBounds, Zone
+from flockbrush.systems import palette as palette_module
 from flockbrush.systems.commands import SetParameter
 from flockbrush.systems.edits import MarkSpawn, Paint
 from flockbrush.systems.mark_commands import DrawZone
@@ -16,6 +17,7 @@ from flockbrush.systems.undo import ForgetBrush, MixBrush, UnmixBrush, UseBrush
 from small_herd import box, brush, meadow, put, straight
 
 WALK, RUN = straight("walk", mean=1.0, max_turn=2.0), straight("run", mean=5.0, max_turn=10.0)
+TROT = straight("trot", mean=3.0, max_turn=3.0)
 FLOCK = brush("flock", "boids", mean=20.0, min_speed=5.0)
 MIX = PaintBounds(blend="mix")
 
@@ -199,19 +201,50 @@ def test_brushes_between_outlive_an_older_brush_that_is_forgotten():
     assert "trot" not in palette.index and palette.mixes[palette.named("walk"), palette.named("run")] >= 0
 
 
-def test_a_mix_that_cannot_be_says_why_and_changes_nothing():
+DETOUR = BrushPath(start="walk", end="run", along=(0, 0.5, 1), detour={"max_turn": (0, -50, 0), "wander": (0, -1, 0)})
+
+
+def refusing(start, end, path):
+    """A model that refuses the numbers between two brushes."""
+    if path is not None or {start.params.max_turn, end.params.max_turn} != {2.0, 10.0}:
+        raise ValueError("max_turn must be 10")
+    return steps_between(start, end, path)
+
+
+def test_a_mix_that_cannot_be_says_why_and_changes_nothing(monkeypatch):
     simulation = herd(many=1)
     queue, before = simulation.world.resource(Commands), state_hash(simulation.world)
-    wrong = path_to_toml(BrushPath(start="walk", end="run", along=(0, 0.5, 1), detour={"max_turn": (0, -50, 0)}))
     for command, said in (
         (MixBrush("rnu", {}), "no brush 'rnu'"),
         (MixBrush("run", {"a--b.path.toml": "schema = 3"}), "a--b.path.toml"),
-        (MixBrush("flock", {"a--b.path.toml": wrong}), "neither begins nor ends at 'flock'"),
-        (MixBrush("run", {"walk--run.path.toml": wrong}), "max_turn"),
+        (MixBrush("flock", {"a--b.path.toml": path_to_toml(DETOUR)}), "neither begins nor ends at 'flock'"),
+        (MixBrush("run", {"walk--run.path.toml": path_to_toml(DETOUR)}), "max_turn must be 10"),
     ):
+        monkeypatch.setattr(palette_module, "steps_between", refusing)
         with pytest.raises(ValueError, match=said):
             queue.perform(simulation.world, [command])
-        assert state_hash(simulation.world) == before
+        assert state_hash(simulation.world) == before and simulation.world.resource(Palette).path_files == {}
+
+
+@pytest.mark.parametrize("command", [SetParameter("run", "max_turn", 4.0), UseBrush("trot", TROT.source.decode())])
+def test_a_brush_that_cannot_be_mixed_leaves_the_palette_as_it_was(monkeypatch, command):
+    simulation = herd(layer(weight=0.5), many=1)
+    palette, queue = simulation.world.resource(Palette), simulation.world.resource(Commands)
+    before, brushes, hash = palette.state(), list(palette.brushes), state_hash(simulation.world)
+    monkeypatch.setattr(palette_module, "steps_between", refusing)
+    with pytest.raises(CommandError, match="max_turn must be 10"):
+        queue.perform(simulation.world, [command])
+    assert palette.state() == before and state_hash(simulation.world) == hash
+    assert palette.names == list(palette.index) and palette.brushes == brushes
+
+
+def test_a_detour_measured_with_another_brush_stays_within_the_bounds():
+    simulation = herd(layer(weight=0.5), many=1)
+    palette, queue = simulation.world.resource(Palette), simulation.world.resource(Commands)
+    queue.perform(simulation.world, [MixBrush("run", {"walk--run.path.toml": path_to_toml(DETOUR)})])
+    half = palette.brushes[palette.named(step_name("walk", "run", STEPS // 2))]
+    assert (half.params.max_turn, half.params.wander) == (0.1, 0.0)
+    queue.perform(simulation.world, [SetParameter("run", "max_turn", 4.0)])
 
 
 @pytest.mark.parametrize(
