@@ -33,9 +33,18 @@ def build_of_worker() -> Build:
     return build_of(OURS, _installed(LOOKS))
 
 
-def build_of_sweep() -> Build:
-    """The build that makes the rows of a sweep: that of a worker, and what this program has registered."""
-    return _built(frozenset(_installed(LOOKS) | _registered()))
+def build_of_sweep(experiment: str = "") -> Build:
+    """The build that makes the rows of a sweep: that of a worker, and what this program has registered.
+
+    Parameters
+    ----------
+    experiment : str
+        The module of the sweep's experiment.
+    """
+    from flockbrush.systems.measures import measures
+
+    own = {one.compute.__module__ for one in measures().values()} | ({experiment} if experiment else set())
+    return _built(frozenset(_installed(LOOKS) | _registered() | own))
 
 
 @cache

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from functools import cache, lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -51,7 +51,7 @@ class Ready(NamedTuple):
 
 
 class Experiment:
-    """One kind of run."""
+    """One kind of run; each reading of a sweep makes its own, so that what `ready` remembers holds for that alone."""
 
     name: ClassVar[str]
     batch: ClassVar[int] = 1  # runs handed to a worker at once
@@ -125,6 +125,9 @@ class LevelRuns(Experiment):
     name = "level"
     settings = LevelParameters
 
+    def __init__(self):
+        self._opened = cache(_opened)  # scenarios share a level; read again, it may be another one
+
     @property
     def units(self):
         """Units of measures by name, and of their means over time."""
@@ -136,7 +139,7 @@ class LevelRuns(Experiment):
         spec, mistakes = validated(LevelParameters, plain)
         if spec is None:
             raise Mistakes((".".join(map(str, path)), message) for path, message in mistakes)
-        given, brushes, names = _opened(spec.level, spec.plane, str(folder))
+        given, brushes, names = self._opened(spec.level, spec.plane, str(folder))
         files, changed = dict(given), {}
         for name, value in parameters.items():
             if name.startswith("brush."):
@@ -184,18 +187,19 @@ class LevelRuns(Experiment):
 
 
 class _LevelMeasures:
-    """Everything that can be measured of a level at a moment."""
+    """Everything that can be measured of a level at a moment; what a script takes away is no number then."""
 
     def __init__(self, simulation):
         from flockbrush.runs.level_counts import Counts
 
         self.simulation, self.counts = simulation, Counts(simulation)
+        self._none: Row = {}
+        self._none = dict.fromkeys(self.values(), math.nan)
 
     def values(self) -> Row:
-        return {**self.simulation.measures(), **self.counts.values(), **v_indicators(self.simulation)}
+        return {**self._none, **self.simulation.measures(), **self.counts.values(), **v_indicators(self.simulation)}
 
 
-@lru_cache(maxsize=64)
 def _opened(level_name, plane_brush, folder):
     """(files, brushes by name, names of measures) of a level, or of a herd on a plane; `Mistakes`."""
     from flockbrush.runs import run as running
@@ -210,7 +214,7 @@ def _opened(level_name, plane_brush, folder):
     except ProblemsError as error:
         key = "level" if level_name is not None else "plane"
         raise Mistakes([(key, str(problem)) for problem in error.problems]) from None
-    brushes = {brush.name: brush for brush in simulation.world.resource(Palette).brushes}
+    brushes = {brush.name: brush for brush in simulation.world.resource(Palette).own}
     files, names = simulation.assets(), list(_LevelMeasures(simulation).values())
     simulation.close()
     return files, brushes, names
@@ -354,10 +358,18 @@ def perform(name: str, parameters: dict, files: dict[str, bytes], seeds: tuple[i
             return [entry for seed in seeds for entry in perform(name, parameters, files, (seed,), wanted)]
         return [(seeds[0], None, _in_words(error), time.process_time() - begin)]
     each = (time.process_time() - begin) / max(len(seeds), 1)
-    return [
-        (seed, {measure: row.get(measure) for measure in wanted}, None, each)
-        for seed, row in zip(seeds, rows, strict=True)
-    ]
+    return [(seed, *_wanted_of(row, wanted), each) for seed, row in zip(seeds, rows, strict=True)]
+
+
+def _wanted_of(row, wanted):
+    """(the measures of a row that a sweep asks for, None), or (None, what went wrong)."""
+    missing = [measure for measure in wanted if measure not in row]
+    if not missing:
+        return {measure: row[measure] for measure in wanted}, None
+    where = "in an installed package (entry point group flockbrush.measures)"
+    script = "at the top of the script, outside `if __name__ == ...`"
+    names = ", ".join(map(repr, missing))
+    return None, f"this worker has no measure {names}; register it where workers do, too: {where} or {script}"
 
 
 def _in_words(error):

@@ -337,7 +337,7 @@ def sweep_to(
             )
         results = [folder / name for name in (*RESULTS, *sweep.experiment.drawn)]
         refuse_foreign(results, lambda path: bool(journal.build or journal.rows))
-        journal.begin(build_of_sweep())
+        journal.begin(build_of_sweep(type(sweep.experiment).__module__))
         runs_done_before = sweep.runs - len(_different(sweep)) * len(sweep.seeds) + runs_done(sweep, journal)
         with journal.writing() as add:
             for row in run_jobs(jobs_of(sweep, journal), open_executor, width, look):

@@ -180,7 +180,7 @@ def parse_sweep(data: bytes, name: str, folder=Path()) -> Sweep:
         )
     if problems or document is None:
         raise ProblemsError(_in_order(problems))
-    experiment = experiments()[document.experiment]
+    experiment = type(experiments()[document.experiment])()
     scenarios = _scenarios(toml, tables, experiment, Path(folder), document.measures)
     sweep = Sweep(
         Path(name).name.removesuffix(SUFFIX), document.title, experiment, scenarios, document.seeds.all,

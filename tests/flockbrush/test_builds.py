@@ -11,6 +11,7 @@ from clusters import dask_cluster
 from flockbrush.engine.commands import COMMANDS
 from flockbrush.engine.fingerprint import Build
 from flockbrush.engine.recording import open_recording
+from flockbrush.systems import measures
 from processes import HOUSE, environment, other_process
 from small_sweep import FLOCKS, here, sweep_file
 from test_replaying import copied
@@ -38,6 +39,14 @@ class Params(Parameters):
 def steer(scene, rows, params):
     return Wishes(scene.forward[rows], np.zeros(len(rows)))
 '''
+MEASURE = """from flockbrush.systems.measures import measure
+
+
+@measure("breadth")
+def breadth(herd):
+    return 1.0
+"""
+
 COMMAND = """from flockbrush.engine.commands import command
 
 
@@ -258,6 +267,20 @@ def test_a_model_that_a_program_registers_by_itself_is_of_the_journal_and_not_of
     assert build_of_worker() == workers
     assert set(build_of_sweep().sources) - set(sweeps.sources) == {"statues.py"}
     monkeypatch.delitem(sys.modules, "statues")
+
+
+def test_the_measures_and_the_experiment_of_a_user_are_of_the_journal(sweep, tmp_path, monkeypatch):
+    monkeypatch.setattr(measures, "_registry", dict(measures._registry))
+    monkeypatch.syspath_prepend(tmp_path)
+    before, runs = build_of_sweep(), build_of_run()
+    (tmp_path / "widths.py").write_text(MEASURE)
+    (tmp_path / "skies.py").write_text("class Skies:\n    pass\n")
+    importlib.import_module("widths")
+    assert set(build_of_sweep("skies").sources) - set(before.sources) == {"widths.py", "skies.py"}
+    assert build_of_run() == runs  # a measure changes no herd
+    sweep_to(sweep, tmp_path / "out", here, 2)
+    assert "widths.py" in builds_in(tmp_path / "out")[0]["sources"]
+    monkeypatch.delitem(sys.modules, "widths")
 
 
 def test_a_cluster_with_an_edited_speed_is_refused(cli, edited, tmp_path):

@@ -2,16 +2,22 @@
 
 import importlib.util
 import json
+import math
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from flockbrush.behaviours.brush import shipped
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.sketch import LevelSketch
+from flockbrush.levels.tiled import write_project
+from flockbrush.systems import measures
 from pens import pen
 from small_sweep import FLOCKS, here, rows_without_times, sweep_file
 
-from flockbrush.studies.experiments import experiments, lasting
+from flockbrush.runs import run as running
+from flockbrush.studies.experiments import LevelRuns, experiments, lasting, perform
 from flockbrush.studies.sweep import RESULTS, sweep_to
 from flockbrush.studies.sweep_file import parse_sweep, read_sweep
 
@@ -87,6 +93,65 @@ def test_any_level_is_swept_over_its_brushes_and_animals(tmp_path):
     assert [m[0]["animals"] for m in measured] == [6, 6, 12, 12]
     assert len({m["polarization"] for pair in measured for m in pair}) == 8
     assert all(0 < m["mean polarization"] <= 1 for pair in measured for m in pair)
+
+
+def test_a_sweep_that_is_read_again_has_the_level_of_now_and_the_measures_of_now(tmp_path, monkeypatch):
+    pen(tmp_path)
+    monkeypatch.setattr(measures, "_registry", dict(measures._registry))
+    before = read_sweep(sweep_file(tmp_path, LEVEL))
+    pen(tmp_path, sheep=5)
+    measures.measure("late")(lambda herd: 1.0)
+    after = read_sweep(sweep_file(tmp_path, LEVEL.replace('"animals"', '"animals", "late"')))
+    assert after.scenarios[0].files["pen.tmj"] == (tmp_path / "pen.tmj").read_bytes()
+    assert len({scenario.hash for scenario in (*before.scenarios, *after.scenarios)}) == 8
+
+
+def test_a_sweep_reads_each_level_once(tmp_path, monkeypatch):
+    read = []
+    pen(tmp_path)
+    opened = running.open_level
+    monkeypatch.setattr(running, "open_level", lambda name: read.append(name) or opened(name))
+    assert len(read_sweep(sweep_file(tmp_path, LEVEL)).scenarios) == 4
+    assert read == [tmp_path / "pen.tmj"]
+
+
+def test_a_worker_that_lacks_a_measure_says_so(tmp_path, monkeypatch):
+    """Processes that are started anew do not have what a program has registered."""
+    monkeypatch.setattr(measures, "_registry", dict(measures._registry))
+    measures.measure("late")(lambda herd: 1.0)
+    scenario = read_sweep(sweep_file(tmp_path, PLANE.replace('"polarization"', '"polarization", "late"'))).scenarios[0]
+    job = "level", scenario.parameters, scenario.files, (0, 1), scenario.measures
+    assert [error for *_, error, _ in perform(*job)] == [None, None]
+    del measures._registry["late"]
+    for _, row, error, _ in perform(*job):
+        assert row is None and error.startswith("this worker has no measure 'late'; register it where workers do")
+
+
+def small_pasture(folder):
+    write_project(folder, shipped())
+    sketch = LevelSketch(20, 20, 1.0, "tilesets")
+    sketch.ground("grass")
+    sketch.box("Spawn", 10, 10, 8, 8, "flock", species="sheep", brush="graze", count=4)
+    return sketch
+
+
+def test_brushes_between_two_are_not_swept_for_they_are_in_no_file(tmp_path):
+    sketch = small_pasture(tmp_path)
+    sketch.box("Zone", 10, 10, 9, 9, "soft", brush="march", strength=0.5)
+    sketch.save(tmp_path / "pen.tmj")
+    text = LEVEL.replace("crossed gate to its right", "milling").replace("brush.march.", "brush.graze--march--3of12.")
+    with pytest.raises(ProblemsError, match="the level does not use a brush 'graze--march--3of12'"):
+        read_sweep(sweep_file(tmp_path, text))
+
+
+def test_an_area_that_the_script_takes_away_is_no_number(tmp_path):
+    sketch = small_pasture(tmp_path)
+    area = sketch.box("Area", 10, 10, 20, 20, "middle")
+    sketch.draw("Key", [(1, 1)], "gone", at=0.25, command="RemoveThing", kind="area", id=area)
+    sketch.save(tmp_path / "pen.tmj")
+    ready = LevelRuns().ready({"level": "pen.tmj", "seconds": 0.5}, tmp_path)
+    ((_, row, error, _),) = perform("level", ready.parameters, ready.files, (0,), tuple(ready.measures))
+    assert error is None and row["animals"] == 4 and math.isnan(row["in middle"])
 
 
 def test_a_run_of_a_sweep_is_the_run_of_the_level(tmp_path):
