@@ -156,10 +156,11 @@ class Brush(FileSpec):
         return hash((self.name, self.model, self.colour))
 
 
-def usual_body(made_for: Iterable[str]) -> BodySpec:
-    """The body of the first shipped species that is named, or one metre of anything."""
+def usual_body(made_for: Iterable[str], library: SpeciesLibrary | None = None) -> BodySpec:
+    """The body of the first species that is named, a shipped one or of a library, or one metre of anything."""
+    library = shipped_species() if library is None else library
     for name in made_for if isinstance(made_for, (list, tuple)) else ():
-        species = shipped_species().find(name) if isinstance(name, str) else None
+        species = library.find(name) if isinstance(name, str) else None
         if species is not None:
             return species.body
     return BodySpec()

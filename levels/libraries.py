@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 
 from flockbrush.behaviours.program import ProgramLibrary, shipped_programs
 from flockbrush.levels.level_files import MemoryFiles, project_folder
@@ -18,13 +19,25 @@ def brush_library(path, files=None):
     files : dict of str to bytes, optional
         `Level.files`, for brushes the level names as files.
     """
+    path = Path(path)
+    return _library_of((path.parent.resolve(), project_folder(path)), files or {})
+
+
+def library_beside(file):
+    """Every brush and species for the file of a brush or a program: of its folder, the one above and the shipped."""
+    file = Path(file)
+    here = file.parent.resolve()
+    return _library_of((here, here.parent, project_folder(file)))
+
+
+def _library_of(folders, files=MappingProxyType({})):
+    """The brushes and species of the folders ``brushes`` and ``species`` in some folders, and the shipped."""
     from flockbrush.behaviours.brush import SUFFIX, BrushLibrary, shipped
     from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
 
-    path = Path(path)
-    around = list(dict.fromkeys((path.parent.resolve(), project_folder(path))))
+    around = list(dict.fromkeys(folders))
     own = [folder / "brushes" for folder in around]
-    embedded = {name: data for name, data in (files or {}).items() if name.endswith(SUFFIX)}
+    embedded = {name: data for name, data in files.items() if name.endswith(SUFFIX)}
     species = SpeciesLibrary([*(folder / "species" for folder in around), *shipped_species().folders])
     return BrushLibrary([*(f for f in own if f.is_dir()), *shipped().folders], embedded, species=species)
 

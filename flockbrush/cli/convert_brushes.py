@@ -7,10 +7,11 @@ from pathlib import Path
 import typer
 
 from flockbrush.behaviours.brush_conversion import convert
-from flockbrush.behaviours.species import SUFFIX, SpeciesLibrary, shipped_species
+from flockbrush.behaviours.species import SUFFIX
 from flockbrush.behaviours.tomlfile import read_bytes
 from flockbrush.engine.files import held, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.levels.libraries import library_beside
 from flockbrush.runs import terminal
 from flockbrush.runs.terminal import any_refused, print_line
 
@@ -24,7 +25,7 @@ def convert_brushes(files, species="", output=None):
 def _convert(path, species, output):
     """Convert one file and return the text to print."""
     folder = path.parent if output is None else Path(output)
-    fauna = SpeciesLibrary([path.parent / "species", path.parent.parent / "species", *shipped_species().folders])
+    fauna = library_beside(path).species
     if convert(read_bytes(path), str(path), fauna, species) is None:
         return "nothing to convert"
     if not folder.is_dir():

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from flockbrush.behaviours.brush import BrushLibrary, can_move, shipped
+from flockbrush.behaviours.brush import can_move
 from flockbrush.behaviours.program import SUFFIX, known_brushes, load_program, shipped_programs
 from flockbrush.behaviours.program_writer import shares, toml, trigger_table
-from flockbrush.behaviours.species import shipped_species
 from flockbrush.behaviours.trigger import ANYONE, KIN, OTHERS
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from flockbrush.levels.build import build
+from flockbrush.levels.libraries import library_beside
 from flockbrush.levels.schema import Level, Spawn
 from flockbrush.runs import terminal
 from flockbrush.runs.terminal import any_refused, print_json, print_line, say, show, styled, table
@@ -37,13 +37,6 @@ def find_program(name):
     if Path(name).name != name or name.endswith(SUFFIX) or Path(name).suffix:
         return load_program(Path(name)), str(name)
     return shipped_programs().get(name), f"{name}{SUFFIX}"
-
-
-def brushes_beside(name):
-    """Brushes that a program file can name: in a folder ``brushes`` beside it or one level up, and the shipped."""
-    folder_of_file = Path(name).parent
-    own = [folder / "brushes" for folder in (folder_of_file, folder_of_file.parent) if (folder / "brushes").is_dir()]
-    return BrushLibrary([*own, *shipped().folders])
 
 
 def list_programs(json):
@@ -123,25 +116,32 @@ def check_programs(files):
 
 def _check_program(name):
     program, file = find_program(name)
-    if wrong := known_brushes(program, brushes_beside(name).names(), file):
+    library = library_beside(name)
+    if wrong := known_brushes(program, library.names(), file):
         raise ProblemsError(wrong)
-    for line in oddities(program, file):
+    for line in oddities(program, file, library.species.names()):
         say(f"note: {line}")
     size = f"{len(program.states)} states, {len(program.triggers)} triggers"
     print_line(f"{name}: ok: {program.title or program.name}, {size}")
 
 
-def oddities(program, file):
-    """Notes that are not errors: states that no trigger leads to, unknown names, conditions that never change."""
+def oddities(program, file, species):
+    """Notes that are not errors: states that no trigger leads to, unknown names, conditions that never change.
+
+    Parameters
+    ----------
+    species : sequence of str
+        Names that there are.
+    """
     reached = {name for name, _ in program.beginnings} | {trigger.to for trigger in program.triggers}
     reached |= {name for state in program.states.values() for name, _ in state.then or ()}
     for name in program.states:
         if name not in reached:
             yield Problem(file, None, f"state.{name}", "no trigger leads to this state; only a command can set it")
-    known, library = shipped_species().names(), shipped_programs()
+    library = shipped_programs()
     for name in program.references("species"):
-        if name not in (ANYONE, KIN, OTHERS, *known):
-            message = f"there is no shipped species {name!r}{did_you_mean(name, known)}"
+        if name not in (ANYONE, KIN, OTHERS, *species):
+            message = f"there is no species {name!r}{did_you_mean(name, species)}"
             yield Problem(file, None, None, message)
     for k, trigger in enumerate(program.triggers):
         for odd in filter(None, (part.oddity() for part in trigger.when.walk())):
@@ -159,7 +159,7 @@ def oddities(program, file):
 
 def species_for(program, library):
     """A species that can move by all brushes of a program: sheep, one that a brush is made for, or any other."""
-    fauna, brushes = shipped_species(), [library.get(name) for name in program.brushes]
+    fauna, brushes = library.species, [library.get(name) for name in program.brushes]
     made_for = [name for brush in brushes for name in brush.made_for if name in fauna.names()]
     able = (
         name for name in ("sheep", *made_for, *fauna.names())
@@ -177,8 +177,7 @@ def plane_for(program, library, animals, species, intruder, seed):
         Species and brush.
     """
     brush = next(iter(program.brushes), "graze")
-    body = shipped_species().get(species).body.length if species in shipped_species().names() else 1.0
-    side = math.sqrt(animals / DENSITY) * body
+    side = math.sqrt(animals / DENSITY) * library.species.get(species).body.length
     size = side + 200.0
     low, high = 0.5 * (size - side), 0.5 * (size + side)
     herd = Spawn(1, "herd", _box(low, low, high, high), species, brush, animals, program=program.name)
@@ -199,18 +198,19 @@ def _box(west, south, east, north):
 def test_program(name, animals, seconds, seed, species, intruder, events, json):
     """Run a program on a plane; print the number of animals in each state over time, and the transitions."""
     program, file = find_program(name)
-    library = brushes_beside(name)
+    library = library_beside(name)
     wrong = known_brushes(program, library.names(), file)
     if wrong:
         raise ProblemsError(wrong)
     for what in ("region", "goal", "place"):
         for place in program.references(what):
             say(f"note: {file}: the plane has no {what} {place!r}: no animal is ever in it or near it")
-    newcomer, species = read_intruder(intruder, library), species or species_for(program, library)
+    newcomer = read_intruder(intruder, library)
+    species = known_species(species, library, "--species") if species else species_for(program, library)
     with terminal.Interrupts() as interrupts, terminal.compiling():
         simulation = plane_for(program, library, animals, species, newcomer, seed)
         try:
-            check_can_follow(simulation.world, program, SpeciesList([species]))
+            check_can_follow(simulation.world, program, SpeciesList([species], library.species))
         except ValueError as error:
             raise refused("--species", str(error)) from None
         submit_events(simulation, events)
@@ -263,7 +263,15 @@ def read_intruder(text, library):
     if brush not in library.names():
         hint = did_you_mean(brush, library.names())
         raise typer.BadParameter(f"there is no brush {brush!r}{hint}", param_hint="--intruder")
-    return species, brush
+    return known_species(species, library, "--intruder"), brush
+
+
+def known_species(name, library, option):
+    """The name of a species that there is; typer.BadParameter that names the option."""
+    names = library.species.names()
+    if name not in names:
+        raise typer.BadParameter(f"there is no species {name!r}{did_you_mean(name, names)}", param_hint=option)
+    return name
 
 
 # events of a run ---------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from pens import pen
 from flockbrush.cli import doctor
 from flockbrush.cli.doctor import pinned_versions
 from flockbrush.cli.measure import Counts, sparkline
+from flockbrush.output import preview
 from flockbrush.runs.run import rebuild, shipped_levels
 
 BRUSHES = Path(shipped().path("march")).parent
@@ -154,6 +155,20 @@ def test_a_preview_shows_the_herd_at_three_moments(cli, tmp_path):
     assert picture.shape[1] > 2 * picture.shape[0]
     first, last = picture[80:600, 30:570], picture[80:600, -570:-30]
     assert np.abs(first - last).max() > 60
+
+
+def test_a_preview_shows_the_body_of_the_species_beside_the_brush(cli, tmp_path, monkeypatch):
+    for folder in ("brushes", "species"):
+        (tmp_path / folder).mkdir()
+    sheep = (BRUSHES.parent / "fauna" / "sheep.species.toml").read_text()
+    (tmp_path / "species" / "yak.species.toml").write_text(sheep.replace("length = 1.2", "length = 3.0"))
+    file = tmp_path / "brushes" / "trek.brush.toml"
+    file.write_text((BRUSHES / "graze.brush.toml").read_text().replace('["herd", "grazer"]', '["yak"]'))
+    previewed = []
+    monkeypatch.setattr(preview, "preview", lambda brush, *options: previewed.append(brush))
+    for name in (file, "march"):
+        assert cli("brush", "preview", name, "-o", tmp_path / "a.png").code == 0
+    assert [brush.body.length for brush in previewed] == [3.0, shipped().get("march").body.length]
 
 
 # measures ------------------------------------------------------------------------------------

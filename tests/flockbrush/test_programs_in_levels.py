@@ -4,11 +4,16 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from flockbrush.behaviours.program import load_program, save_program, shipped_programs
+from flockbrush.components import Body
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.libraries import library_beside
 from flockbrush.levels.reader import read_level
+from flockbrush.systems.fauna import SpeciesList
 
+from flockbrush.cli.program_cli import plane_for
 from flockbrush.runs.run import start
 
 OWN = """schema = "flockbrush.program/1"
@@ -137,7 +142,7 @@ def test_a_wrong_program_is_said_with_its_line_and_a_strange_one_noted(cli, tmp_
     done = cli("program", "check", wrong)
     assert (
         "state.left: no trigger leads to this state; only a command can set it" in done.err
-        and "there is no shipped species 'wofl'" in done.err
+        and "there is no species 'wofl'; did you mean 'wolf'?" in done.err
     )
 
 
@@ -149,6 +154,39 @@ def test_a_program_is_tried_on_a_plane(cli, tmp_path):
     assert "from \\ to" in cli(*words).out
     assert "must be SPECIES:BRUSH" in " ".join(cli(*words, "--intruder", "wolf").err.split())
     assert "there is no brush 'wolf-hnut'" in " ".join(cli(*words, "--intruder", "wolf:wolf-hnut").err.split())
+
+
+YAK = """schema = "flockbrush.species/1"
+media = ["walk"]
+[body]
+length = 3.0
+radius = 0.6
+[relations]
+wolf = { fear = 1.0, notice = "40 m" }
+"""
+
+
+def test_a_program_is_tried_with_the_species_beside_it(cli, tmp_path):
+    (tmp_path / "species").mkdir()
+    (tmp_path / "species" / "yak.species.toml").write_text(YAK)
+    file = tmp_path / "programs" / "own.program.toml"
+    file.parent.mkdir()
+    file.write_text(OWN + '[[trigger]]\nto = "go"\nwhen = { sees = "yak" }\n')
+    assert "there is no species" not in cli("program", "check", file).err
+    simulation = plane_for(load_program(file), library_beside(file), 4, "yak", ("wolf", "wolf-hunt"), 0)
+    fauna = simulation.world.resource(SpeciesList)
+    assert np.all(simulation.agents[Body.length] == 3.0) and fauna.relations.notice[0].max() == 40.0
+    simulation.close()
+    words = "program", "test", file, "--animals", 2, "--seconds", 0
+    assert cli(*words, "--species", "yak", "--intruder", "yak:march").code == 0
+    for option, value in (("--species", "yaks"), ("--intruder", "yaks:march")):
+        done = cli(*words, option, value)
+        assert done.code == 2 and f"{option}: there is no species 'yaks'; did you mean 'yak'?" in _plain(done.err)
+
+
+def _plain(text):
+    """The words of a message without the frame about them."""
+    return " ".join(text.replace("│", " ").split())
 
 
 def test_what_the_documentation_shows_of_a_program_is_what_it_does(cli):
