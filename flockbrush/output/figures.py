@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import logging
 import math
+import textwrap
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -22,6 +23,7 @@ FORMATS = ".png", ".svg", ".pdf"
 MARKERS = "os^D"  # curves can be told apart without colours
 EVEN = 0.01  # of the values, by which a curve must change to have a scale of its own
 SIZE = 4.6, 2.9  # inches of a panel
+LETTERS = 11  # of a heading, an inch
 ROW = 0.19  # inches of a parameter in its panel
 DOTS = 192  # pixels an inch
 BAND = 0.16  # opacity of what lies within the bounds
@@ -228,7 +230,7 @@ def figure_of(panels, title="", note="", columns=3, theme="light"):
     title : str
         Above all.
     note : str
-        Below the title: what lines and bars are.
+        Below the title: what lines and bars are.  Both are wrapped where the figure ends.
 
     Returns
     -------
@@ -241,7 +243,9 @@ def figure_of(panels, title="", note="", columns=3, theme="light"):
     columns = max(1, min(columns, len(panels)))
     rows = [panels[k : k + columns] for k in range(0, len(panels), columns)] or [[]]
     heights = [max((panel.height() for panel in row), default=SIZE[1]) for row in rows]
-    head = 0.35 * bool(title) + 0.2 * bool(note)
+    fitting = math.floor(columns * SIZE[0] * LETTERS)
+    heading = [line for words in (title, *note.splitlines()) for line in textwrap.wrap(words, fitting)]
+    head = 0.15 * bool(title) + 0.2 * len(heading)
     made = Figure((columns * SIZE[0], sum(heights) + head), dpi=DOTS, layout="constrained", facecolor=_web(look.paper))
     grid = made.add_gridspec(len(rows), columns, height_ratios=heights)
     for k, panel in enumerate(panels):
@@ -254,9 +258,8 @@ def figure_of(panels, title="", note="", columns=3, theme="light"):
             axes.annotate(
                 panel.note, (0, 1), (0, 5), "axes fraction", "offset points", fontsize=8, color=_web(look.muted)
             )  # fmt: skip
-    heading = "\n".join(words for words in (title, note) if words)
     if heading:
-        made.suptitle(heading, x=0.01, ha="left", fontsize=11, color=_web(look.ink))
+        made.suptitle("\n".join(heading), x=0.01, ha="left", fontsize=11, color=_web(look.ink))
     _legend(made, look)
     return made
 

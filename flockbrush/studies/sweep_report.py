@@ -257,10 +257,11 @@ def write_files(sweep: Sweep, journal: Journal, summary, folder, theme="light") 
         temporary.write_text(json.dumps(finite(summary), indent=1, ensure_ascii=False), encoding="utf-8")
     if importlib.util.find_spec("pyarrow"):
         written.append(_write_parquet(folder / "runs.parquet", sweep, columns))
-    panels = panels_of(sweep, summary)
+    panels, left_out = panels_of(sweep, summary)
     if panels and not drawing_problems(folder):
         written.append(folder / "means.png")
-        write_figure(written[-1], figure_of(panels, sweep.title or sweep.name, NOTE, theme=theme))
+        note = "\n".join(filter(None, [NOTE, left_out]))
+        write_figure(written[-1], figure_of(panels, sweep.title or sweep.name, note, theme=theme))
     return written + sweep.experiment.pictures(sweep, rows, folder, theme)
 
 
@@ -318,11 +319,14 @@ def _of_one_kind(values):
 # as plots --------------------------------------------------------------------------------
 
 
-def panels_of(sweep: Sweep, summary) -> list[CurveChart]:
-    """A panel for each measure: its mean, with the error of the mean, over one parameter."""
+def panels_of(sweep: Sweep, summary) -> tuple[list[CurveChart], str]:
+    """(panels, which scenarios are not drawn, in words): for each measure its mean over one parameter, and its error.
+
+    There is a curve for each value of a second parameter; others have their first value.
+    """
     varied = {name: values for name, values in sweep.varied.items() if len(values) > 1}
     if not varied:
-        return []
+        return [], ""
     across = sweep.plot.across or max(varied, key=lambda name: len(varied[name]))
     lines = sweep.plot.lines or next((name for name in varied if name != across), None)
     values = sweep.varied[across]
@@ -331,14 +335,15 @@ def panels_of(sweep: Sweep, summary) -> list[CurveChart]:
         if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values)
         else [str(v) for v in values]
     )
+    fixed = {name: others[0] for name, others in varied.items() if name not in (across, lines)}
+    groups = sweep.varied[lines][:MOST_CURVES] if lines else [None]
     panels = []
     for measure in sweep.plot.measures or sweep.measures:
         curves = []
-        for k, group in enumerate(sweep.varied[lines] if lines else [None]):
+        for k, group in enumerate(groups):
             points = [s for s in summary["scenarios"] if lines is None or s["parameters"].get(lines) == group]
             points = [s for s in points if across in s["parameters"] and measure in s["means"]]
-            if len(sweep.varied) > 2:
-                points = _first_of_each(points, across)
+            points = [s for s in points if _fits(s["parameters"], fixed)]
             if not points:
                 continue
             x = np.array(
@@ -352,8 +357,17 @@ def panels_of(sweep: Sweep, summary) -> list[CurveChart]:
         if curves:
             unit = sweep.experiment.unit_of(across)
             along = across + (f", {unit}" if unit else "")
-            panels.append(CurveChart(_title_of(sweep, measure), along, curves[:MOST_CURVES], words))
-    return panels
+            panels.append(CurveChart(_title_of(sweep, measure), along, curves, words))
+    return panels, _left_out(sweep, fixed, lines)
+
+
+def _left_out(sweep, fixed, lines):
+    """A sentence that says which values are drawn, where they are not all; or ""."""
+    varied, units = sweep.varied, {name: sweep.experiment.unit_of(name) for name in fixed}
+    drawn = [f"{name} {_with_unit(fixed[name], units[name])}, of {len(varied[name])} values" for name in fixed]
+    if lines and len(varied[lines]) > MOST_CURVES:
+        drawn.append(f"the first {MOST_CURVES} of {len(varied[lines])} values of {lines}")
+    return f"drawn: {'; '.join(drawn)}; all are in runs.csv and summary.json" if drawn else ""
 
 
 def _with_unit(value, unit):
@@ -369,10 +383,3 @@ def _title_of(sweep, measure):
         return measure.removesuffix(plain) + known.axis()
     unit = sweep.experiment.units.get(measure)
     return measure.replace("_", " ") + (f", {unit}" if unit else "")
-
-
-def _first_of_each(points, across):
-    """With more than two parameters varied: those with the first values of all others."""
-    first = points[0]["parameters"] if points else {}
-    others = {name: value for name, value in first.items() if name != across}
-    return [s for s in points if all(s["parameters"].get(name) == value for name, value in others.items())]

@@ -65,6 +65,14 @@ def test_each_name_stands_once_in_the_legend_of_all_panels():
     assert [words.get_text() for words in legend.get_texts()] == ["clip"]
 
 
+def test_the_heading_is_wrapped_where_the_figure_ends():
+    figure = figure_of([WITH_GAP], "Herds", "marks: means over seeds; bars: standard error of the mean\n" + "many words " * 20)
+    lines = figure.get_suptitle().split("\n")
+    assert lines[:3] == ["Herds", "marks: means over seeds; bars: standard error of", "the mean"]
+    figure.draw_without_rendering()
+    assert figure.get_tightbbox().x1 <= figure.get_size_inches()[0]
+
+
 def test_a_parameter_lies_where_it_was_found_and_is_grey_where_the_clip_does_not_tell():
     rows = [ParamRow("alignment", 0.3, np.array([0.1])), ParamRow("noise", 0.8, np.array([0.4]), told=False, group="n")]
     (axes,) = figure_of([Rows("Parameters", rows)]).axes

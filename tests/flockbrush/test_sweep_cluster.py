@@ -1,5 +1,6 @@
 """Sweeps on a cluster: workers of other code, dead schedulers, the same rows."""
 
+import itertools
 import subprocess
 import sys
 import time
@@ -88,9 +89,27 @@ def test_panels_of_a_sweep_name_units_of_parameters_and_measures():
         for birds in (5, 15, 25)
         for angle in (90.0, 170.0)
     ]
-    (panel,) = panels_of(sweep, {"scenarios": found})
+    (panel,), left_out = panels_of(sweep, {"scenarios": found})
+    assert left_out == ""
     assert (panel.title, panel.across) == ("distance, wingspans", "birds")
     assert [curve.name for curve in panel.curves] == ["angle 90°", "angle 170°"]
     sweep.plot.across = "angle"
-    (panel,) = panels_of(sweep, {"scenarios": found})
+    (panel,), _ = panels_of(sweep, {"scenarios": found})
     assert panel.across == "angle, degrees"
+
+
+def test_a_plot_says_which_scenarios_it_has_no_room_for():
+    varied = {"birds": [3, 5], "angle": [float(angle) for angle in range(160, 170)], "steps": [100, 200]}
+    sweep = SimpleNamespace(
+        varied=varied, measures=["distance"], experiment=experiments()["v_rules"],
+        plot=SimpleNamespace(across="birds", lines="angle", measures=None),
+    )  # fmt: skip
+    found = [
+        {"parameters": dict(zip(varied, values, strict=True)), "means": {"distance": {"mean": values[2], "error": 0.1}}}
+        for values in itertools.product(*varied.values())
+    ]
+    (panel,), left_out = panels_of(sweep, {"scenarios": found})
+    assert len(panel.curves) == 8 and {y for curve in panel.curves for y in curve.y} == {100.0}
+    assert left_out == (
+        "drawn: steps 100, of 2 values; the first 8 of 10 values of angle; all are in runs.csv and summary.json"
+    )
