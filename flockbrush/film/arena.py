@@ -56,7 +56,7 @@ class Arena:
         """The same with numbers: where it has none, those that hold all positions and so much room, in their unit."""
         if self.numbers:
             return self
-        xy = tracks.xy[tracks.seen] * (1.0, _up(tracks))
+        xy, room = tracks.xy[tracks.seen] / tracks.axes, room / abs(tracks.axes[0])
         if self.shape == "rectangle":
             return Arena(self.shape, (*(xy.min(0) - room), *(xy.max(0) + room)))
         (x, y), _ = cv2.minEnclosingCircle(xy.astype(np.float32))  # which rounds
@@ -73,7 +73,7 @@ class Arena:
         return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
 
     def told(self, unit: str) -> str:
-        """A sentence."""
+        """A sentence; the unit is that of the file."""
         if self.shape == "circle":
             x, y, radius = self.numbers
             return f"the arena is a circle of radius {radius:.4g} {unit} about ({x:.4g}, {y:.4g})"
@@ -94,22 +94,16 @@ def wall_of(arena: Arena, tracks: Trajectories, length: float) -> np.ndarray:
     ProblemsError
         When an animal is outside, with its name and frame.
     """
-    up = _up(tracks)
-    corners = arena.corners[:: int(up)] * (1.0, up)
+    corners = arena.corners[:: int(np.sign(np.prod(tracks.axes)))] * tracks.axes
     out = _outside(tracks.xy[tracks.seen], corners)
     if out.max() > BEYOND * length:
         frame, animal = np.argwhere(tracks.seen)[int(out.argmax())]
         raise refused(
             tracks.name,
-            f"animal {tracks.ids[animal]} is {out.max():.3g} {tracks.unit} outside the arena in frame "
-            f"{tracks.frames[frame]}: {arena.told(tracks.unit)}",
+            f"animal {tracks.ids[animal]} is {out.max() / abs(tracks.axes[0]):.3g} {tracks.file_unit} outside the "
+            f"arena in frame {tracks.frames[frame]}: {arena.told(tracks.file_unit)}",
         )
     return corners / length
-
-
-def _up(tracks):
-    """1 where y points up in the file, -1 where it points down: in pixels."""
-    return -1.0 if tracks.unit == "px" else 1.0
 
 
 def _outside(xy, corners):

@@ -298,6 +298,9 @@ class Evidence:
     # {"px", "m", "bl"}; of ``body_length_px``: pixels of a film, or the unit of a file of tracks
     length_unit: str = "px"
     start: float = 0.0  # s, time of the first frame
+    # (2, 3) or None; from BL (x, y up) to x and y of the file of tracks, which are in ``file_unit``
+    to_file: np.ndarray | None = None
+    file_unit: str = ""
 
     @property
     def from_tracks(self) -> bool:
@@ -361,9 +364,8 @@ class Evidence:
             sightings=None if self.sightings is None else self.sightings.scaled(by),
             speed=None if self.speed is None else self.speed.scaled(by),
             smoothing=None if self.smoothing is None else self.smoothing.scaled(by),
-            to_pixels=None
-            if self.to_pixels is None
-            else np.column_stack([self.to_pixels[:, :2] / by, self.to_pixels[:, 2]]),
+            to_pixels=_for_lengths(self.to_pixels, by),
+            to_file=_for_lengths(self.to_file, by),
         )
 
     def save(self, path):
@@ -409,6 +411,11 @@ class Evidence:
             if "picture" in clip:
                 clip["picture"] = unpacked(path, clip["picture"])
             return Evidence(**clip, **parts)
+
+
+def _for_lengths(way, by):
+    """A map (2, 3) from BL, for a BL that is so many times shorter."""
+    return None if way is None else np.column_stack([way[:, :2] / by, way[:, 2]])
 
 
 def _fields(path, data):

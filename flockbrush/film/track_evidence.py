@@ -90,12 +90,13 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30, aren
     speed = speed_evidence(fields, sightings, math.nan, motion.window, motion.errors)
     notes = [*tracks.notes, *_notes(tracks, pieces, motion, length), *speeds_told(sightings, tracks.fps)]
     if arena is not None:
-        notes.append(arena.told(tracks.unit))
+        notes.append(arena.told(tracks.file_unit))
     evidence = Evidence(
         name=tracks.name, sha256=tracks.sha256, fps=tracks.fps, body_length_px=float(length), length_source="given",
         radius_bl=RADIUS, fields=fields, sightings=sightings, speed=speed, notes=notes,
         place_noise=motion.place_noise, heading_noise=motion.heading_noise, length_unit=tracks.unit, start=tracks.start,
-        smoothing=motion.smoothing,
+        smoothing=motion.smoothing, to_file=np.column_stack([np.diag(length / np.array(tracks.axes)), np.zeros(2)]),
+        file_unit=tracks.file_unit,
     )  # fmt: skip
     return _drawable(evidence)
 

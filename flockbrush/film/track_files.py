@@ -50,6 +50,8 @@ class Trajectories:
     sha256: str = ""
     notes: tuple[str, ...] = ()
     start: float = 0.0  # s, time of the first frame
+    axes: tuple[float, float] = (1.0, 1.0)  # by which x and y of the file are multiplied
+    file_unit: str = ""  # of x and y in the file; ``unit`` by default
 
     def __post_init__(self):
         shape = np.shape(self.xy)
@@ -61,6 +63,8 @@ class Trajectories:
             raise ValueError(f"unit must be one of {', '.join(UNITS)}, got {self.unit!r}")
         if not len(self.frames):
             object.__setattr__(self, "frames", np.arange(shape[0]))
+        if not self.file_unit:
+            object.__setattr__(self, "file_unit", self.unit)
 
     def __len__(self):
         return len(self.xy)
@@ -117,7 +121,6 @@ def read_trajectories(path, unit: str | None = None, fps: float | None = None) -
     unit = unit or table.unit
     if unit is None:
         raise refused(path, "has no unit for x and y: give it with --unit m, px or bl")
-    scale = 0.01 if unit == "cm" else 1.0
     if fps is not None and table.fps is not None and abs(fps / table.fps - 1.0) > SAME_RATE:
         raise refused(path, f"its times say {table.fps:.6g} frames per second, --fps says {fps:g}: leave it out")
     rate = fps or table.fps
@@ -125,16 +128,19 @@ def read_trajectories(path, unit: str | None = None, fps: float | None = None) -
         raise refused(path, "has no times: give the frames per second with --fps")
     if not (math.isfinite(rate) and 0 < rate <= 10_000):
         raise refused(path, f"the frames per second must be above 0 and at most 10,000, got {rate:g}")
-    return _checked(path, table, "m" if unit == "cm" else unit, scale, float(rate))
+    return _checked(path, table, unit, float(rate))
 
 
 def _first_line(error):
     return (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
 
 
-def _checked(path, table, unit, scale, fps):
+def _checked(path, table, unit, fps):
     """The trajectories, without animals seen in fewer than `FEWEST` frames; ProblemsError if none is left."""
-    xy = np.array(table.xy, float) * scale
+    scale = 0.01 if unit == "cm" else 1.0
+    down = unit == "px" if table.down is None else table.down
+    axes = (scale, -scale if down else scale)
+    xy = np.array(table.xy, float) * axes
     xy[~(np.abs(xy) < 1e12).all(-1)] = np.nan
     sights = np.isfinite(xy).all(-1).sum(0)
     enough = sights >= FEWEST
@@ -155,14 +161,12 @@ def _checked(path, table, unit, scale, fps):
     rows = np.flatnonzero(np.isfinite(xy[..., 0]).any(1))
     every = int(np.gcd.reduce(np.diff(rows))) or 1  # of files with the positions of every n-th frame
     span = slice(rows[0], rows[-1] + 1, every)
-    down = unit == "px" if table.down is None else table.down
-    if down:
-        xy = xy * (1.0, -1.0)
-        heading = None if heading is None else -heading
+    if down and heading is not None:
+        heading = -heading
     ids = tuple(str(name) for name, keep in zip(table.ids, enough, strict=True) if keep)
     return Trajectories(
-        xy[span], ids, fps / every, unit, None if heading is None else heading[span], np.asarray(table.frames)[span],
-        path.name, _sha256(path), tuple(notes), table.start + rows[0] / fps,
+        xy[span], ids, fps / every, "m" if unit == "cm" else unit, None if heading is None else heading[span],
+        np.asarray(table.frames)[span], path.name, _sha256(path), tuple(notes), table.start + rows[0] / fps, axes, unit,
     )  # fmt: skip
 
 

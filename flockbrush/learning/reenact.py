@@ -118,9 +118,8 @@ def _csv(evidence: Evidence, run: Run) -> str:
 
 def _to_clip(evidence):
     """(unit, (2, 3) map) from body lengths to the places of the clip or of the file of tracks."""
-    if evidence.from_tracks:
-        down = -1.0 if evidence.length_unit == "px" else 1.0
-        return evidence.length_unit, evidence.body_length_px * np.array([[1.0, 0, 0], [0, down, 0]])
+    if evidence.to_file is not None:
+        return evidence.file_unit, evidence.to_file
     return "px", np.full((2, 3), np.nan) if evidence.to_pixels is None else np.asarray(evidence.to_pixels)
 
 

@@ -1,5 +1,6 @@
 """The wall of a tank around tracked animals: found or given, solid, and turned away from as its animals do."""
 
+import dataclasses
 import functools
 import itertools
 
@@ -114,6 +115,37 @@ def test_pixels_that_point_down_make_no_difference(text, file, tmp_path):
     other = seen_in(tmp_path / "up.npy", Arena(shape, tuple(flipped)))
     np.testing.assert_allclose(one.fields.outline, other.fields.outline, atol=1e-3)
     assert np.array_equal(one.fields.obstacle, other.fields.obstacle)
+
+
+@pytest.fixture
+def trex(tmp_path):
+    """The same in a folder of TRex: cm, y down."""
+    for n, xy in enumerate(swimming().swapaxes(0, 1)):
+        columns = {"X#wcentroid": 100 * xy[:, 0], "Y#wcentroid": 100 * xy[:, 1]}
+        np.savez(tmp_path / f"fish{n}.npz", **columns, frame=np.arange(len(xy)), frame_rate=np.array([FPS]))
+    return tmp_path
+
+
+def test_numbers_are_in_the_unit_and_with_the_axes_of_the_file(file, trex):
+    how = Looking(body_length_m=1.0)
+    found = look_at(trex, dataclasses.replace(how, arena=Arena("circle")))
+    up = Arena("circle").around(_tracks(file), 0.2).numbers
+    x, y, radius = Arena("circle").around(read_trajectories(trex), 0.2).numbers
+    assert (x, y, radius) == pytest.approx([100 * n for n in up], rel=1e-6)
+    assert f"the arena is a circle of radius {radius:.4g} cm about ({x:.4g}, {y:.4g})" in found.notes
+    given = look_at(trex, dataclasses.replace(how, arena=Arena("circle", (x, y, radius))))
+    np.testing.assert_allclose(given.fields.outline, found.fields.outline)
+    with pytest.raises(ProblemsError, match=r"is \d+ cm outside the arena in frame \d+: .* 400 cm about \(2000,"):
+        look_at(trex, dataclasses.replace(how, arena=Arena("circle", (2000.0, 1000.0, 400.0))))
+
+
+def test_simulations_are_written_in_the_unit_and_with_the_axes_of_the_file(trex, tmp_path):
+    out = tmp_path / "again.csv"
+    command = ["reenact", str(trex), "--brush", "swarm", "--runs", "1", "--frames", "0:16"]
+    assert called([*command, "--export", str(out)]) == 0
+    rows = np.genfromtxt(out, delimiter=",", names=True)
+    begin = np.column_stack([rows["x_cm"], rows["y_cm"]])[rows["frame"] == 0]
+    np.testing.assert_allclose(np.sort(begin, 0), np.sort(100 * swimming()[0], 0), atol=5.0)
 
 
 def test_an_animal_outside_is_named(file, tmp_path):
