@@ -67,7 +67,7 @@ def _tell(out, preview, evidence, seconds, as_json):
         "fps": evidence.fps,
         "animals": float(np.median(fields.count)),
         "told_apart": evidence.sightings is not None,
-        "body_length_px": evidence.clip_body_px,
+        f"body_length_{evidence.length_unit}": evidence.clip_body_px,
         "body_length_source": evidence.length_source,
         "body_radius_bl": evidence.radius_bl,
         "cells": [fields.shape[1], fields.shape[0]],
@@ -91,7 +91,7 @@ def _tell(out, preview, evidence, seconds, as_json):
     )
     rows += [
         ("animals" if evidence.still else "animals per frame (median)", f"{facts['animals']:.1f}"),
-        ("body length, pixels", facts["body_length_px"]), ("half body width, body lengths", facts["body_radius_bl"]),
+        ("body length", evidence.length_told), ("half body width, body lengths", facts["body_radius_bl"]),
         ("cells, x and y", "{} x {}".format(*facts["cells"])), ("cell size, body lengths", facts["cell_bl"]),
     ]  # fmt: skip
     if speed:

@@ -30,7 +30,7 @@ def look_at(clip, how: Looking, show=None, quiet=False) -> Evidence:
     """
     name = Path(clip).name
     if is_tracks(clip):
-        return _look_at_tracks(clip, how)
+        return _look_at_tracks(clip, how, show)
     if how.unit is not None or how.fps is not None or how.arena is not None:
         raise refused(clip, "is a video or picture: --unit, --fps and --arena can only be used with tracks")
     with progress(f"measuring {name}", 0 if quiet else 100) as bar:
@@ -69,11 +69,18 @@ def read_tracks_of(path, how: Looking) -> tuple[Trajectories, float]:
         if how.body_length_px is None:
             raise refused(path, "is in pixels: give the body length with --body-length-px")
         return tracks, how.body_length_px
+    if how.body_length_px is not None:
+        unit = "m: give the body length with --body-length-m" if tracks.unit == "m" else "body lengths"
+        raise refused(path, f"--body-length-px can only be used with tracks in pixels, and this is in {unit}")
     return tracks, 1.0 if tracks.unit == "bl" else how.body_length_m or USUAL_LENGTH_M
 
 
-def _look_at_tracks(path, how):
-    for option, given in (("--obstacles", how.obstacles), ("--regions", how.regions), ("--landmark", how.landmarks)):
+def _look_at_tracks(path, how, show):
+    options = {
+        "--obstacles": how.obstacles, "--regions": how.regions, "--landmark": how.landmarks,
+        "--body-colour": how.body_colour != "auto", "--preview": show is not None,
+    }  # fmt: skip
+    for option, given in options.items():
         if given:
             raise refused(path, f"is a file of tracks: {option} can only be used with videos and pictures")
     tracks, length = read_tracks_of(path, how)

@@ -409,3 +409,19 @@ def test_options_of_films_are_refused_for_tracks(circling, tmp_path, capsys):
     command = ["learn", str(circling), "-o", str(tmp_path / "a.brush.toml"), "--unit", "m", "--fps", "10"]
     assert called([*command, "--obstacles", str(tmp_path / "no.png")]) == 1
     assert "--obstacles can only be used with videos and pictures" in capsys.readouterr().err
+    command = ["fields", str(circling), "-o", str(tmp_path / "a.npz"), "--unit", "m", "--fps", "10"]
+    for option, value in (("--preview", str(tmp_path / "m.mp4")), ("--body-colour", "10,20,30")):
+        assert called([*command, option, value]) == 1
+        assert f"{option} can only be used with videos and pictures" in capsys.readouterr().err
+    assert called([*command, "--body-length-px", "9"]) == 1
+    assert "is in m: give the body length with --body-length-m" in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.npz"))
+
+
+def test_fields_tells_the_unit_of_the_body_length(circling, tmp_path, capsys):
+    command = ["fields", str(circling), "-o", str(tmp_path / "a.npz"), "--fps", "10"]
+    assert called([*command, "--unit", "m", "--body-length-m", "1.2"]) == 0
+    assert "1.2 m (given)" in capsys.readouterr().out
+    assert called([*command, "--unit", "m", "--body-length-m", "1.2", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["body_length_m"] == 1.2 and "body_length_px" not in told
