@@ -70,8 +70,8 @@ def _make_brush(tracks, flight, lens, path, frame, wingspan, as_json):
     """Write the formation brush of a frame; the flight has been written before, even if this fails."""
     from flockbrush.lifting.flight_show import Show
 
-    frame = flight.first + (len(flight.xyz) - 1) // 2 if frame is None else frame
-    learned = Show(flight, str(tracks), lens, span=wingspan).formation_brush(frame - flight.first, path)
+    k = (len(flight.xyz) - 1) // 2 if frame is None else frame - int(flight.frames[0])
+    learned = Show(flight, str(tracks), lens, span=wingspan).formation_brush(k, path)
     if not as_json:
         say(learned)
 

@@ -301,6 +301,7 @@ class Evidence:
     # (2, 3) or None; from BL (x, y up) to x and y of the file of tracks, which are in ``file_unit``
     to_file: np.ndarray | None = None
     file_unit: str = ""
+    animals: np.ndarray | None = None  # (P,) of str or None; in a file of tracks, those of the numbers in ``track``
 
     @property
     def from_tracks(self) -> bool:

@@ -96,7 +96,7 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30, aren
         radius_bl=RADIUS, fields=fields, sightings=sightings, speed=speed, notes=notes,
         place_noise=motion.place_noise, heading_noise=motion.heading_noise, length_unit=tracks.unit, start=tracks.start,
         smoothing=motion.smoothing, to_file=np.column_stack([np.diag(length / np.array(tracks.axes)), np.zeros(2)]),
-        file_unit=tracks.file_unit,
+        file_unit=tracks.file_unit, animals=np.array([tracks.ids[animal] for animal in pieces.animal]),
     )  # fmt: skip
     return _drawable(evidence)
 

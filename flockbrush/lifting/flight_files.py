@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from pathlib import Path
 
 import numpy as np
@@ -15,21 +17,23 @@ GRAVITY = 9.81  # m/s²
 NUMBERS = "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "pitch", "bank"
 
 
-def write_flight(path, flight: LiftedFlight):
-    """Write a flight as a trajectory table with one more column, ``bank``, radians."""
+def write_flight(path, flight: LiftedFlight, species="bird", flies=True):
+    """Write a flight as a trajectory table; of animals that fly with one more column, ``bank``, radians."""
     velocity, pitch, bank = attitude(flight.xyz, flight.fps)
-    rows = [",".join((*COLUMNS, "bank"))]
+    columns = (*COLUMNS, *(["bank"] if flies else []))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
     heading = np.arctan2(velocity[..., 1], velocity[..., 0])
     speed = np.linalg.norm(velocity, axis=-1)
-    words = {"species": "bird", "role": "follower", "reference": "-1"}
-    for f in range(len(flight.xyz)):
+    words = {"species": species, "role": "follower", "reference": "-1"}
+    for f, time in enumerate(flight.times.tolist()):
         for n in np.flatnonzero(np.isfinite(flight.xyz[f, :, 0])):
             places = (*flight.xyz[f, n], *velocity[f, n], heading[f, n], speed[f, n], pitch[f, n], bank[f, n])
-            frame = flight.first + f
-            cells = {"frame": str(frame), "time": f"{frame / flight.fps:.6f}", "id": str(flight.ids[n]), **words}
+            cells = {"frame": str(flight.frames[f]), "time": f"{time:.6f}", "id": flight.names[n], **words}
             cells |= {name: f"{value + 0.0:.6f}" for name, value in zip(NUMBERS, places, strict=True)}
-            rows.append(",".join(cells.get(name, "") for name in (*COLUMNS, "bank")))
-    write_text(Path(path), "\n".join(rows) + "\n")
+            writer.writerow([cells.get(name, "") for name in columns])
+    write_text(Path(path), text.getvalue())
 
 
 def attitude(xyz, fps):

@@ -64,6 +64,7 @@ class Show:
     """
 
     animal, sized_by = "bird", "Wingspan"  # what one is called, and which length of it is drawn
+    unit, flies = "m", True  # of all lengths; whether all of them fly
 
     def __init__(self, flight: LiftedFlight, name, camera=None, tracks=None, sight=None, wanted=None, span=None):
         self.name, self.camera, self.tracks, self.sight = name, camera, tracks, sight
@@ -168,10 +169,9 @@ class Show:
             speed = np.linalg.norm(self.velocity[k, rows], axis=-1).mean()
             away = np.linalg.norm(self.flight.xyz[k, rows], axis=-1)
             order = np.linalg.norm(_unit(self.velocity[k, rows]).mean(0))
-            facts[0] += f" at {speed:.1f} m/s"
-            facts += [f"polarization {order:.3f}", f"{away.min():.0f} to {away.max():.0f} m from the origin"]
-            if self.camera is not None:
-                facts[-1] = f"{away.min():.0f} to {away.max():.0f} m from the camera"
+            facts[0] += f" at {speed:.1f} {self.unit}/s"
+            far = f"{away.min():.0f} to {away.max():.0f} {self.unit}"
+            facts += [f"polarization {order:.3f}", f"{far} from the {'origin' if self.camera is None else 'camera'}"]
         return facts
 
     def about(self, k, bird) -> str:
@@ -183,7 +183,8 @@ class Show:
         lean = np.degrees(np.arcsin(np.clip(self.up[k, row] @ right, -1, 1)))
         side = "right" if lean > 0 else "left"
         speed, away = np.linalg.norm(self.velocity[k, row]), np.linalg.norm(self.flight.xyz[k, row])
-        return f"{self.animal} {bird}: {speed:.1f} m/s, {away:.0f} m, {abs(lean):.0f}° {side}"
+        called = f"{self.animal} {self.flight.names[row]}"
+        return f"{called}: {speed:.1f} {self.unit}/s, {away:.0f} {self.unit}, {abs(lean):.0f}° {side}"
 
     def row(self, bird):
         """Row of a bird by its number, None when there is none."""
@@ -221,6 +222,9 @@ class Show:
         from flockbrush.output.export import check_exports
         from flockbrush.output.exporter import exporter_of
 
+        if self.unit != "m":
+            told = "is shown in body lengths, and flights are written in metres; open tracks in metres (--unit m)"
+            raise refused(self.name, told)
         for path in map(Path, paths):
             kind = exporter_of(path)  # .movebank.csv is none of these
             if kind is None or not set(kind.endings) & set(ENDINGS):
@@ -241,7 +245,7 @@ class Show:
         path = Path(path)
         self.check_exports([path], options)
         if path.suffix.lower() == ".csv":
-            write_flight(path, self.flight)
+            write_flight(path, self.flight, self.animal, self.flies)
             return
         exporter = exporter_of(path)(path, _AsRun(self), self.flight.fps, **options)
         try:
@@ -260,7 +264,7 @@ class Show:
         long, count = SLENDER * self.span, len(rows)
         zero, wide = np.zeros(count, np.int64), np.full(count, 0.13 * long)
         return Moment(
-            (flight.first + k) / flight.fps, flight.ids[rows].astype(np.int64), flight.xyz[k, rows],
+            float(flight.times[k]), flight.ids[rows].astype(np.int64), flight.xyz[k, rows],
             self.velocity[k, rows], self.forward[k, rows], np.full(count, long), wide, zero, zero,
             np.zeros(count, bool), zero - 1, self.up[k, rows], dict.fromkeys(LABELS, zero),
         )  # fmt: skip
@@ -275,8 +279,8 @@ class Show:
         """
         rows = self.there(k)
         x, y = _abreast(self.flight.xyz[k, rows], self.velocity[k, rows])
-        names = tuple(str(bird) for bird in self.flight.ids[rows])
-        frame = self.flight.first + k
+        names = tuple(self.flight.names[row] for row in rows)
+        frame = int(self.flight.frames[k])
         marks = Marks((str(frame),), names, x[None] / self.span, y[None] / self.span)
         about = {"marks": Path(self.name).name, "frame": frame, "wingspan_m": self.span, "method": "lifted from tracks"}
         formation = extract(marks, Path(self.name).name.split(".")[0], about)
@@ -323,7 +327,7 @@ class Show:
         from flockbrush.output.formation_brush import write_brush
 
         formation = self.formation(k)
-        learned = write_brush(formation, path, like, f"frame {self.flight.first + k} of {Path(self.name).name}")
+        learned = write_brush(formation, path, like, f"frame {self.flight.frames[k]} of {Path(self.name).name}")
         return f"{path}: {learned['shape']} of {len(self.there(k))} birds"
 
 
@@ -339,25 +343,25 @@ class _AsRun:
         self.origin, self.clock, self.world = {"seed": 0}, SimpleNamespace(dt=1 / show.flight.fps), self
         self.next_entity = 1  # no births, so there are no groups
         self.agents: dict = defaultdict(lambda: np.zeros(0))
+        self._kind = _OneKind(show)
 
     def has(self, kind):
         """Whether there is a resource of a type: yes."""
         return True
 
     def resource(self, kind):
-        """Names of species and of brushes: one species, and no brush; it flies. Of all else there is nothing."""
-        return _OfBirds() if kind is Catalogue else kind()
+        """Names of species and of brushes: one species, and no brush. Of all else there is nothing."""
+        return self._kind if kind is Catalogue else kind()
 
 
-class _OfBirds(Catalogue):
-    """One species and one brush without a name, which flies."""
+class _OneKind(Catalogue):
+    """One species and one brush without a name, which flies or does not."""
 
-    def __init__(self):
-        flies, grounded = np.array([True]), np.array([False])
-        self.palette = SimpleNamespace(names=[""], brushes=[], flies=flies, flies_free=flies, grounded=grounded)
-        self.species = {"bird": SimpleNamespace(look="bird")}
-
-    words = {"species": ["bird"], "brush": [""], **{name: [""] for name in LABELS}}
+    def __init__(self, show: Show):
+        flies = np.array([show.flies])
+        self.palette = SimpleNamespace(names=[""], brushes=[], flies=flies, flies_free=flies, grounded=~flies)
+        self.species = {show.animal: SimpleNamespace(look="bird" if show.flies else "beast")}
+        self.words = {"species": [show.animal], "brush": [""], **{name: [""] for name in LABELS}}
 
     def note(self, world, labels=LABELS):
         """Nothing comes."""

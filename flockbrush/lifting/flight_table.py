@@ -30,6 +30,8 @@ def _rows(path):
 def read_flight(path) -> LiftedFlight:
     """The flight of a trajectory table: ``frame, id, x, y, z`` in metres, and ``time`` in seconds if there is one.
 
+    Birds are numbered if their ids are no whole numbers but names.
+
     Raises
     ------
     ProblemsError
@@ -42,9 +44,25 @@ def read_flight(path) -> LiftedFlight:
     missing = [column for column in wanted if column not in header]
     if missing:
         raise ProblemsError([Problem(name, 1, missing[0], "there is no such column")])
-    lines = array("q")
+    lines, names = array("q"), {}
+    rows = _numbered(rows, header.index("id"), names)
     values = _values(name, rows, wanted, [header.index(column) for column in wanted], lines)
-    return _gridded(name, values, np.frombuffer(lines, np.int64), "time" in header)
+    return _gridded(name, values, np.frombuffer(lines, np.int64), "time" in header, list(names))
+
+
+def _numbered(rows, at, names):
+    """The rows with the number of a name among all ``names``, to which new ones are added, in place of it."""
+    for line, row in rows:
+        if at < len(row) and row[at].strip():
+            row[at] = str(names.setdefault(row[at].strip(), len(names)))
+        yield line, row
+
+
+def whole_numbers(names) -> np.ndarray | None:
+    """The whole numbers that some names are, (n,); None if one is none."""
+    numbers = np.array([_float(name) for name in names])
+    whole = (np.abs(numbers) < FARTHEST).all() and (numbers == np.round(numbers)).all()
+    return numbers.astype(np.int64) if whole else None
 
 
 def wingspan_of(path) -> float | None:
@@ -82,15 +100,15 @@ def _float(cell):
         return math.nan
 
 
-def _gridded(name, values, lines, timed):
-    for column, cells in (("frame", values[:, 0]), ("id", values[:, 1])):
-        if (broken := cells != np.round(cells)).any():
-            message = f"must be a whole number, got {cells[broken][0]:g}"
-            raise ProblemsError([Problem(name, int(lines[broken][0]), column, message)])
-    frames, ids = values[:, 0].astype(np.int64), values[:, 1].astype(np.int64)
+def _gridded(name, values, lines, timed, names):
+    if (broken := values[:, 0] != np.round(values[:, 0])).any():
+        message = f"must be a whole number, got {values[broken, 0][0]:g}"
+        raise ProblemsError([Problem(name, int(lines[broken][0]), "frame", message)])
+    frames, ids, numbers = values[:, 0].astype(np.int64), values[:, 1].astype(np.int64), whole_numbers(names)
+    ids = ids if numbers is None else numbers[ids]
     if twice := rows_twice(frames, ids):
         one, row = twice
-        message = f"bird {ids[row]} is in frame {frames[row]} twice, here and in line {lines[one]}"
+        message = f"bird {names[int(values[row, 1])]} is in frame {frames[row]} twice, here and in line {lines[one]}"
         raise ProblemsError([Problem(name, int(lines[row]), None, message)])
     first, last = int(frames.min()), int(frames.max())
     birds, column = np.unique(ids, return_inverse=True)
@@ -98,7 +116,7 @@ def _gridded(name, values, lines, timed):
         raise refused(name, "has only one frame; a flight needs at least two")
     if last - first >= limits.TRACK_FRAMES or (last - first + 1) * len(birds) > limits.TRACK_CELLS:
         raise refused(name, f"frames {first} to {last} with {len(birds)} birds are too many; split it into parts")
-    fps = 30.0
+    fps, begin = 30.0, math.nan
     if timed:
         begin, end = values[frames == first, 5].min(), values[frames == last, 5].max()
         if not end > begin:
@@ -107,4 +125,6 @@ def _gridded(name, values, lines, timed):
     xyz = np.full((last - first + 1, len(birds), 3), np.nan)
     xyz[frames - first, column] = values[:, 2:5]
     fps = float(f"{fps:.7g}")  # as far as times are written: 30, not 30.0000015
-    return LiftedFlight(xyz, np.linalg.norm(xyz, axis=-1), birds, first, fps)
+    called = tuple(names[bird] for bird in birds) if numbers is None else ()
+    depth, frames = np.linalg.norm(xyz, axis=-1), np.arange(first, last + 1)
+    return LiftedFlight(xyz, depth, birds, frames, fps, start=float(begin), names=called)

@@ -12,7 +12,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.observations import Evidence
 from flockbrush.film.open_clip import Looking, look_at
 from flockbrush.lifting.flight_show import Show
-from flockbrush.lifting.flight_table import PLACES, read_flight, table_header
+from flockbrush.lifting.flight_table import PLACES, read_flight, table_header, whole_numbers
 from flockbrush.lifting.lift_solver import LiftedFlight
 from flockbrush.output.run_table import read_run_table
 
@@ -31,10 +31,11 @@ class GroundShow(Show):
         The same animals in space, for their heights; 0 without it.
     """
 
-    animal, sized_by, floor = "animal", "Body length", 0.0
+    animal, sized_by, floor, flies = "animal", "Body length", 0.0, False
 
     def __init__(self, evidence: Evidence, flight: LiftedFlight | None = None):
         self.evidence = evidence
+        self.unit = "m" if evidence.length_unit == "m" else "BL"
         self.length = evidence.body_length_px if evidence.length_unit == "m" else UNSIZED
         heights = np.zeros(len(evidence.sightings.xy)) if flight is None else _heights(evidence, self.length, flight)
         super().__init__(_placed(evidence, self.length, heights), evidence.name, span=self.length)
@@ -42,10 +43,8 @@ class GroundShow(Show):
 
     def _face(self):
         """Bodies face where the tracks say, also while they stand."""
-        sightings = self.evidence.sightings
-        self.forward[sightings.frame, sightings.track] = np.column_stack(
-            [sightings.forward, np.zeros(len(sightings.xy))]
-        )
+        ahead = self.evidence.sightings.forward
+        self.forward[_at(self.evidence)] = np.column_stack([ahead, np.zeros(len(ahead))])
 
     def herd(self, k):
         """The animals of frame k as the painters want them."""
@@ -58,7 +57,7 @@ class GroundShow(Show):
 def _heights(evidence, length, flight):
     """(m,) m: height of each sighting, that of the nearest animal of its frame."""
     heights = np.zeros(len(evidence.sightings.xy))
-    for t, frame in enumerate((evidence.fields.frames - flight.first).tolist()):
+    for t, frame in enumerate((evidence.fields.frames - flight.frames[0]).tolist()):
         rows, places = evidence.sightings.of(t), flight.xyz[frame]
         places = places[np.isfinite(places[:, 0])]
         if len(places):
@@ -68,13 +67,21 @@ def _heights(evidence, length, flight):
 
 
 def _placed(evidence, length, heights):
-    sightings = evidence.sightings
-    count = int(sightings.track.max()) + 1
-    xyz = np.full((len(sightings), count, 3), np.nan)
-    xyz[sightings.frame, sightings.track] = np.column_stack([sightings.xy * length, heights])
+    sightings, names = evidence.sightings, np.unique(evidence.animals).tolist()
+    xyz = np.full((len(sightings), len(names), 3), np.nan)
+    xyz[_at(evidence)] = np.column_stack([sightings.xy * length, heights])
+    ids = whole_numbers(names)
+    if ids is None or len(set(ids.tolist())) < len(names):
+        ids = np.arange(len(names))
     return LiftedFlight(
-        xyz, np.linalg.norm(xyz, axis=-1), np.arange(count), int(evidence.fields.frames[0]), evidence.fps
-    )
+        xyz, np.linalg.norm(xyz, axis=-1), ids, evidence.fields.frames, evidence.fps, start=evidence.start,
+        names=tuple(names),
+    )  # fmt: skip
+
+
+def _at(evidence):
+    """Frame and animal of each sighting; an animal whose track was cut is one animal."""
+    return evidence.sightings.frame, np.unique(evidence.animals, return_inverse=True)[1][evidence.sightings.track]
 
 
 def open_show(path, camera=None, looking: Looking | None = None) -> Show:

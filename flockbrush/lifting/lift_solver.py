@@ -74,7 +74,7 @@ class LiftedFlight:
     xyz: np.ndarray
     depth: np.ndarray  # (F, N); metres along the ray
     ids: np.ndarray  # (N,) of int
-    first: int  # number of the first frame
+    frames: np.ndarray  # (F,) of int; their numbers
     fps: float
     # stiffness, noise: of the smoothing of the tracks; noise in pixels
     stiffness: float = float("nan")
@@ -83,6 +83,18 @@ class LiftedFlight:
     manner: Manner | None = None  # how its birds move about its middle, as read off the tracks
     # share of the pairs of birds whose order in depth is expected to be right; NaN where that was not asked
     order: float = float("nan")
+    start: float = float("nan")  # s, time of the first frame; by default what its number says
+    names: tuple[str, ...] = ()  # (N,) of the birds in their file; the ids by default
+
+    def __post_init__(self):
+        if np.isnan(self.start):
+            self.start = float(self.frames[0] / self.fps)
+        self.names = self.names or tuple(map(str, self.ids.tolist()))
+
+    @property
+    def times(self) -> np.ndarray:
+        """(F,) s."""
+        return self.start + np.arange(len(self.frames)) / self.fps
 
 
 @dataclass
@@ -93,9 +105,9 @@ class PreparedTracks:
     rays: np.ndarray  # (F, N, 3); unit vectors
     there: np.ndarray  # (F, N) of bool
     manner: Manner
-    # ids, first, stiffness, noise, notes: as in `LiftedFlight`
+    # ids, frames, stiffness, noise, notes: as in `LiftedFlight`
     ids: np.ndarray
-    first: int
+    frames: np.ndarray
     stiffness: float
     noise: float
     notes: list[str]
@@ -125,7 +137,7 @@ def lift_sight(sight: PreparedTracks, camera: Camera, wish: LiftWish | None = No
     """The same from tracks that are ready; with `every` above 1 only those frames are solved, for a quick look."""
     depth = _sparsely(sight, camera, wish or LiftWish(), every)
     flight = LiftedFlight(
-        depth[..., None] * sight.rays, depth, sight.ids, sight.first, camera.fps, sight.stiffness, sight.noise,
+        depth[..., None] * sight.rays, depth, sight.ids, sight.frames, camera.fps, sight.stiffness, sight.noise,
         list(sight.notes), sight.manner,
     )  # fmt: skip
     flight.notes += _out_of_bounds(flight, camera)
@@ -157,7 +169,8 @@ def prepared(tracks: Tracks, camera: Camera) -> PreparedTracks:
     notes = list(tracks.notes) + _warnings(tracks, clean, there, camera)
     rays = camera.rays(clean.px)
     manner = compute_manner(rays, there, camera.fps)
-    return PreparedTracks(clean.px, rays, there, manner, tracks.ids, tracks.first, clean.stiffness, clean.noise, notes)
+    frames = tracks.first + np.arange(len(rays))
+    return PreparedTracks(clean.px, rays, there, manner, tracks.ids, frames, clean.stiffness, clean.noise, notes)
 
 
 def _warnings(tracks, clean, there, camera):

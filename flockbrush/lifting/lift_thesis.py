@@ -62,7 +62,7 @@ def lift_by_thesis(tracks, camera: Camera, wish: LiftWish | None = None) -> Lift
             depth[f, birds] = _frame(nlopt, f, birds, rays, depth, camera, weights)
     notes = [*sight.notes, PLAUSIBLE]
     return LiftedFlight(
-        depth[..., None] * rays, depth, tracks.ids, tracks.first, camera.fps, sight.stiffness, sight.noise, notes
+        depth[..., None] * rays, depth, tracks.ids, sight.frames, camera.fps, sight.stiffness, sight.noise, notes
     )
 
 

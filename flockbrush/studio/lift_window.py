@@ -135,8 +135,8 @@ class LiftWindow(Window):
             column.button("Reset", self.reset, "Reset all sliders")
         column.heading(f"{self.show.animal.capitalize()}s")
         column.slider(
-            self.show.sized_by, self.show.span, 0.1, 4.0, "{:.2f} m".format, self.set_span, power=True,
-            tip="Size of the drawn animals; the wingspan is also used for a formation brush",
+            self.show.sized_by, self.show.span, 0.1, 4.0, f"{{:.2f}} {self.show.unit}".format, self.set_span,
+            power=True, tip="Size of the drawn animals; the wingspan is also used for a formation brush",
         )  # fmt: skip
         column.pair(
             ("Export…", self.ask_export, f"Write the flight: {', '.join(ENDINGS)} (Ctrl+S)"),
@@ -153,7 +153,7 @@ class LiftWindow(Window):
     def _freshen(self):
         """Update labels and buttons."""
         flight = self.show.flight
-        self.clock.say(f"frame {flight.first + self.k}   {self.k / flight.fps:.2f} of {self.show.seconds:.2f} s")
+        self.clock.say(f"frame {flight.frames[self.k]}   {self.k / flight.fps:.2f} of {self.show.seconds:.2f} s")
         facts = self.show.facts(self.k)
         lines = [*facts, *[""] * (3 - len(facts)), self.show.about(self.k, self.bird)]
         for label, text in zip(self.facts, lines, strict=True):
@@ -403,6 +403,7 @@ class LiftWindow(Window):
 
     def ask_export(self):
         """Ask for the file of the flight."""
+        self.show.check_exports(())
         name = str(Path(self.show.name).with_suffix("").with_suffix("")) + ".flock.csv"
         question = f"Write the flight to ({', '.join(ENDINGS)}):"
         self.ask("Export", question, [("Write", self._export), ("Cancel", None)], name)

@@ -116,7 +116,7 @@ def test_a_bird_that_turns_right_banks_to_the_right():
 
     angle = -np.arange(60)[:, None] / 30 * 0.5
     xyz = np.stack([20 * np.cos(angle), 20 * np.sin(angle), 0 * angle], -1)
-    show = Show(LiftedFlight(xyz, np.linalg.norm(xyz, axis=-1), np.array([7]), 0, 30.0), "turn.csv")
+    show = Show(LiftedFlight(xyz, np.linalg.norm(xyz, axis=-1), np.array([7]), np.arange(60), 30.0), "turn.csv")
     assert show.about(30, 7).endswith("right")
     assert show.about(30, 8) == ""
 
@@ -161,7 +161,7 @@ def test_geese_lifted_from_a_film_make_a_brush_that_flies_as_they_did(tmp_path, 
 def test_birds_in_no_formation_make_none(show):
     chance = np.random.default_rng(0)
     rest = 3.0 * chance.normal(size=(1, 11, 3))
-    show.take(type(show.flight)(show.flight.xyz + rest, show.flight.depth, show.flight.ids, 0, 25.0))
+    show.take(type(show.flight)(show.flight.xyz + rest, show.flight.depth, show.flight.ids, show.flight.frames, 25.0))
     with pytest.raises(ProblemsError, match="frame 30: the birds do not fly in a line formation: a cluster"):
         show.formation(30)
 

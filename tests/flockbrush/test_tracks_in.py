@@ -393,6 +393,51 @@ def test_animals_on_the_ground_have_no_wings_and_stand_on_it(circling):
     assert "animals" in show.facts(20)[0]
 
 
+def named(path, head="frame,time,id,x,y"):
+    """Three animals in every tenth frame from 100, 10 s; the first leaps in the middle."""
+    xy = paths_of()[:, :3] + np.where(np.arange(FRAMES)[:, None, None] < 20, 0.0, [[[90.0, 0], [0, 0], [0, 0]]])
+    called_so = list(enumerate(("Ada", "Bob", "7")))
+    rows = [(100 + 10 * t, 10 + t, name, *xy[t, n]) for t in range(FRAMES) for n, name in called_so]
+    return written(path, head, rows)
+
+
+def test_animals_that_are_shown_keep_names_frames_and_times(tmp_path, capsys):
+    from flockbrush.lifting.flight_table import read_flight
+    from flockbrush.lifting.ground_show import open_show
+
+    show = open_show(named(tmp_path / "a.csv"), None, Looking(unit="m", body_length_m=0.5))
+    assert any("leap 1 times" in note for note in show.evidence.notes)
+    assert show.flight.names == ("7", "Ada", "Bob") and show.facts(5)[0].startswith("3 animals at")
+    assert show.about(30, show.flight.ids[1]).startswith("animal Ada:")
+    show.export(tmp_path / "b.csv")
+    head, *rows = [line.split(",") for line in (tmp_path / "b.csv").read_text().splitlines()]
+    assert "bank" not in head and {row[head.index("species")] for row in rows} == {"animal"}
+    assert rows[0][:3] == ["100", "10.000000", "7"] and rows[-1][:3] == ["490", "49.000000", "Bob"]
+    again = open_show(tmp_path / "b.csv")
+    assert type(again) is type(show) and again.flight.names == show.flight.names
+    np.testing.assert_allclose(again.flight.frames, show.flight.frames)
+    assert again.flight.start == pytest.approx(10.0) and read_flight(tmp_path / "b.csv").names == ("7", "Ada", "Bob")
+
+
+def test_animals_in_body_lengths_are_not_said_to_be_in_metres(tmp_path):
+    from flockbrush.lifting.ground_show import open_show
+
+    show = open_show(named(tmp_path / "a.csv"), None, Looking(unit="px", body_length_px=0.5))
+    assert " BL/s" in show.facts(5)[0] and "BL from the origin" in show.facts(5)[2] and "BL, " in show.about(5, 0)
+    with pytest.raises(ProblemsError, match=r"is shown in body lengths, and flights are written in metres"):
+        show.export(tmp_path / "b.csv")
+    assert not (tmp_path / "b.csv").exists()
+
+
+def test_shown_animals_are_no_birds_in_other_formats(circling, tmp_path):
+    from flockbrush.lifting.ground_show import open_show
+
+    parquet = pytest.importorskip("pyarrow.parquet")
+    open_show(circling, None, HOW).export(tmp_path / "b.parquet")
+    assert set(parquet.read_table(tmp_path / "b.parquet").to_pydict()["species"]) == {"animal"}
+    assert read_run_table(tmp_path / "b.parquet").about.flying == []
+
+
 def test_reenact_takes_tracks(circling, tmp_path, capsys):
     out = tmp_path / "again.csv"
     command = ["reenact", str(circling), "--brush", "swarm", "--unit", "m", "--fps", "10", "--body-length-m", "0.5"]
