@@ -416,15 +416,22 @@ class Solver:
         self.show, self.seconds = show, 0.0  # seconds: the last solve took
         self._job: ClipJob | None = None
         self._next: tuple | None = None
+        self._asked = self._solved = show.wanted, False  # the latest wish, and what came: whether it was a glance
 
     @property
     def busy(self) -> bool:
         """Whether something is being solved, or waits."""
         return self._job is not None or self._next is not None
 
+    def has(self, wanted: Wanted) -> bool:
+        """Whether the flight is solved so, in all its frames."""
+        return self._solved == (wanted, False)
+
     def ask(self, wanted: Wanted, glance=False):
         """Solve this as soon as what is being solved is done; an older wish that waits is dropped."""
-        self._next = (wanted, glance)
+        if self.busy and self._asked == (wanted, glance):
+            return
+        self._next = self._asked = wanted, glance
         if self._job is None:
             self._begin()
 
@@ -437,7 +444,7 @@ class Solver:
 
         def take(solved):
             flight, self.seconds = solved
-            self.show.wanted = wanted
+            self.show.wanted, self._solved = wanted, (wanted, glance)
             self.show.take(flight)
 
         self._job = ClipJob("lift", solve, take)
@@ -451,15 +458,6 @@ class Solver:
         if self._next is not None:
             self._begin()
         return job.look()
-
-    def wait(self, most=60.0) -> bool:
-        """Wait until nothing is solved any more; whether the flight has changed."""
-        changed, end = False, time.perf_counter() + most
-        while self.busy and time.perf_counter() < end:
-            if self._job is not None:
-                self._job.is_over(0.05)
-            changed |= self.look()
-        return changed
 
 
 def with_wish(wanted: Wanted, **changes) -> Wanted:

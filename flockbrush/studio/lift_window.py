@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,7 @@ class LiftWindow(Window):
         self.wanted = show.wanted
         self.at = 0.0  # frames: where playing is
         self._due = np.inf  # s until all frames are solved
+        self._later: Callable | None = None  # done when they are
         self._camera: OrbitCamera | None = None
         self.open(size)
         for note in show.flight.notes:
@@ -184,6 +186,7 @@ class LiftWindow(Window):
             self.solver.ask(self.wanted)
         if self.guarded(self.solver.look):
             self.painter.floor = self.show.floor
+        self._go_on_solved()
         self.toasts.update(dt)
         self.manager.update(dt)
         self._freshen()
@@ -410,7 +413,6 @@ class LiftWindow(Window):
 
     def _export(self, path):
         def write():
-            self.guarded(self._finish_solving)
             self.show.export(path)
             self.toasts.say(f"wrote {path}")
 
@@ -420,17 +422,28 @@ class LiftWindow(Window):
         """Write files; where some are there already, ask first."""
         there = [str(path) for path in map(Path, paths) if path.exists()]
         if not there:
-            write()
+            self._when_solved(write)
             return
         question = f"{' and '.join(there)} already exist{'s' * (len(there) == 1)}."
-        self.ask("Replace?", question, [("Replace", lambda: self.guarded(write)), ("Cancel", None)])
+        self.ask("Replace?", question, [("Replace", lambda: self._when_solved(write)), ("Cancel", None)])
 
-    def _finish_solving(self):
-        """What is kept is solved in all its frames."""
-        if self._due < np.inf:
+    def _when_solved(self, write):
+        """Write what is kept: solved as is wished, in all its frames. Until it is, the window goes on."""
+        self._later = write
+        if not self.solver.has(self.wanted):
             self._due = np.inf
             self.solver.ask(self.wanted)
-        self.solver.wait()
+            self.toasts.say("The flight is written when it is solved.")
+        self._go_on_solved()
+
+    def _go_on_solved(self):
+        if self._later is None or self.solver.busy or self._due < np.inf:
+            return
+        write, self._later = self._later, None
+        if self.solver.has(self.wanted):
+            self.guarded(write)
+        else:
+            self.toasts.say("Nothing was written: the flight could not be solved with these settings.", "error")
 
     def ask_brush(self):
         """Ask for the file of the brush."""
@@ -448,22 +461,23 @@ class LiftWindow(Window):
         dialog.answers[list(dialog.answers)[1]] = lambda: self._fly(dialog.entry.get_text().strip())
 
     def _brush(self, path):
+        k = self.k
+
         def write():
-            self.guarded(self._finish_solving)
             with claimed([path]):
-                self.toasts.say(self.show.formation_brush(self.k, path))
+                self.toasts.say(self.show.formation_brush(k, path))
 
         self._replacing([path], write)
 
     def _fly(self, path):
         """Write brush and level, and show that in place of the flight until it is closed."""
-        self._replacing(self.show.formation_files(path), lambda: self._write_and_play(path))
+        k = self.k
+        self._replacing(self.show.formation_files(path), lambda: self._write_and_play(k, path))
 
-    def _write_and_play(self, path):
+    def _write_and_play(self, k, path):
         from flockbrush.studio.start import StartOptions, opening_of
 
-        self.guarded(self._finish_solving)
-        level = self.show.formation_level(self.k, path)
+        level = self.show.formation_level(k, path)
         options = StartOptions(str(level), level.stem, theme=self.theme.name)
         self.open_over(opening_of(options, self.screen.get_size()))
 

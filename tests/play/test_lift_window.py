@@ -1,5 +1,6 @@
 """A lifted flight in its window: looked at from all sides, solved anew by sliders, kept."""
 
+import threading
 import time
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from flockbrush.cli.main import called
 from flockbrush.lifting.flight_show import Show, with_wish
+from flockbrush.lifting.flight_table import read_flight
 from tests.flock_in_v import SPAN, geese, seen, written
 from tests.play.window import MODS
 
@@ -153,6 +155,35 @@ def test_the_flight_is_exported_under_the_name_that_is_typed(window, tmp_path):
     window.key("return")
     window.run(frames=2)
     assert len((tmp_path / "flight.csv").read_text().splitlines()) == 1 + 50 * 11
+
+
+def test_what_is_kept_is_written_when_the_flight_that_is_wished_is_solved(window, tmp_path, monkeypatch):
+    solved, go, wrote = window.show.solved, threading.Event(), tmp_path / "flight.csv"
+    monkeypatch.setattr(window.show, "solved", lambda *wish: go.wait(60) and solved(*wish))
+    before = window.show.flight
+    window.wish("flock", 5.0)
+    window._export(wrote)
+    for _ in range(10):
+        window.frame(0.05)
+    assert not wrote.exists() and window.show.flight is before and window.solver.busy  # and the window goes on
+    go.set()
+    window.until_solved()
+    assert read_flight(wrote).xyz == pytest.approx(solved(with_wish(window.wanted, flock=5.0)).xyz, abs=1e-5)
+
+
+def test_nothing_is_kept_of_a_flight_that_cannot_be_solved(window, tmp_path, monkeypatch):
+    def fails(*wish):
+        raise ValueError("no such flight")
+
+    monkeypatch.setattr(window.show, "solved", fails)
+    window.reset()
+    window.wish("flock", 5.0)
+    window.until_solved()
+    for keep, name in ((window._export, "flight.csv"), (window._brush, "v.brush.toml"), (window._fly, "w.brush.toml")):
+        keep(tmp_path / name)
+        window.until_solved()
+        assert [toast.text for toast in window.toasts.log][-1].startswith("Nothing was written"), name
+    assert not [*tmp_path.glob("flight*"), *tmp_path.rglob("*.brush.toml")]
 
 
 def test_files_that_are_there_are_replaced_only_if_that_is_wished(window, tmp_path):
