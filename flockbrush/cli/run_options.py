@@ -22,6 +22,7 @@ from flockbrush.cli.shared_options import (
     ThemeName,
     Threads,
 )
+from flockbrush.film.looking import MODES
 
 
 @dataclass
@@ -73,7 +74,7 @@ class MarkOptions:
     ] = None
     mode: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Mode to open the clip in: look, landmarks, paint, body, birds or sketch."),
+        typer.Option(metavar="NAME", help=f"Mode to open the clip in: {', '.join(MODES[:-1])} or {MODES[-1]}."),
     ] = None
 
 

@@ -1,4 +1,4 @@
-"""How a user wants a clip looked at.  The command line needs this before it imports what looks at clips."""
+"""How a user wants a clip looked at or marked.  The command line needs this before it imports what does it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from flockbrush.film.arena import Arena
 
 LENGTHS_PX = 2.0, 2000.0  # of a body in a film
+MODES = ("view", "landmarks", "mask", "body", "birds", "sketch")  # of the window for a clip
+MODES_OF_SKY = ("view", "sketch")  # of an empty one
 
 
 @dataclass(frozen=True)

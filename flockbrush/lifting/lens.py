@@ -11,7 +11,9 @@ from pydantic_core import PydanticCustomError
 
 from flockbrush.behaviours.file_library import check_schema
 from flockbrush.behaviours.tomlfile import parse_toml, read_bytes
+from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError, did_you_mean
+from flockbrush.film.track_table import SAME_RATE
 
 SCHEMA = "flockbrush.lens/1"
 # what a camera's file may say, shown where something is missing
@@ -91,6 +93,15 @@ def read_camera(path: str | Path) -> Camera:
         return Camera.model_validate(check_schema(file, SCHEMA, needed=False))
     except ValidationError as error:
         raise ProblemsError([file.problem(_key(e), _said(e)) for e in error.errors()]) from None
+
+
+def check_camera(path, camera: Camera, film):
+    """ProblemsError unless the camera of a file has the size and the frame rate of a film."""
+    if (camera.width, camera.height) != tuple(film.size):
+        told = f"has {camera.width} x {camera.height} pixels, but the clip has {film.size[0]} x {film.size[1]}"
+        raise refused(path, told)
+    if abs(camera.fps / film.fps - 1.0) > SAME_RATE:
+        raise refused(path, f"has {camera.fps:g} frames per second, but the clip has {film.fps:g}")
 
 
 def _key(error):

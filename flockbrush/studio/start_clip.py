@@ -10,7 +10,8 @@ import typer
 from flockbrush.engine.files import refused
 from flockbrush.film.clip_document import Book
 from flockbrush.film.clip_frames import SKY, Film, Sky
-from flockbrush.lifting.lens import read_camera
+from flockbrush.film.looking import MODES, MODES_OF_SKY
+from flockbrush.lifting.lens import check_camera, read_camera
 from flockbrush.runs.terminal import USAGE, Interrupts, compiling, progress, say
 from flockbrush.studio.start import missing_display, size_of, stay
 
@@ -18,7 +19,6 @@ NO_SCREEN = (
     "no window can be opened: there is no display. Without one, `flockbrush track CLIP` tracks birds, and"
     " `flockbrush learn CLIP` takes --landmark, --body-colour and masks."
 )
-MODES = ("view", "landmarks", "mask", "body", "birds", "sketch")
 
 
 def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, size="1280x720", frames=None) -> int:
@@ -44,8 +44,11 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
         When film, tracks, camera or what was marked before cannot be read.
     """
     place = size_of(size)
-    if mode is not None and mode not in MODES:
-        raise typer.BadParameter(f"the mode must be one of {', '.join(MODES)}, got {mode!r}", param_hint="--mode")
+    sky = str(clip) == SKY and not Path(clip).exists()
+    modes = MODES_OF_SKY if sky else MODES
+    if mode is not None and mode not in modes:
+        whose = f"the mode of {'an empty sky' if sky else 'a clip'}"
+        raise typer.BadParameter(f"{whose} must be one of {', '.join(modes)}, got {mode!r}", param_hint="--mode")
     folder = Path(out or ".")
     if folder.exists() and not folder.is_dir():
         raise refused(folder, "is a file; --out must be the folder for all output files")
@@ -54,19 +57,18 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
     _writable(folder)
     lens = None if camera is None else read_camera(camera)
     with Interrupts() as interrupts, compiling():
-        film = _opened(clip, lens)
+        film = _sky(lens) if sky else _film(clip)
         try:
             book = Book(film, folder)
             book.load(tracks)
-            if lens is not None and (lens.width, lens.height) != tuple(film.size):
-                film_size = f"{film.size[0]} x {film.size[1]}"
-                raise refused(camera, f"has {lens.width} x {lens.height} pixels, but the clip has {film_size}")
+            if lens is not None:
+                check_camera(camera, lens, film)
             if missing_display():
                 say(NO_SCREEN)
                 return USAGE
             from flockbrush.studio.film.clip_window import ClipWindow
 
-            first = mode or ("sketch" if film.path is None else "birds" if tracks is not None else "view")
+            first = mode or ("sketch" if sky else "birds" if tracks is not None else "view")
             stay(ClipWindow(book, place, theme, camera, first), interrupts, frames)
             _tell_next(book, camera)
         finally:
@@ -90,10 +92,12 @@ def _writable(folder):
         ) from None
 
 
-def _opened(clip, lens):
-    """The film, or an empty sky of the camera's size."""
-    if str(clip) == SKY and not Path(clip).exists():
-        return Sky() if lens is None else Sky((lens.width, lens.height), fps=lens.fps)
+def _sky(lens):
+    """An empty one, as its camera sees it."""
+    return Sky() if lens is None else Sky((lens.width, lens.height), fps=lens.fps)
+
+
+def _film(clip):
     with progress("reading the clip", 0) as moved:
         return Film(clip, moved)
 

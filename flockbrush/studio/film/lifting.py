@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from flockbrush.engine.files import refused, write_text
-from flockbrush.lifting.lens import SCHEMA, Camera, read_camera
+from flockbrush.lifting.lens import SCHEMA, Camera, check_camera, read_camera
 
 FOV, SPEED = 60.0, 10.0  # degrees, m/s: what is offered where nobody knows
 NEAR, FAR = 2.0, 1000.0  # m
@@ -26,20 +26,15 @@ class Lifting:
 
     def begin(self, part):
         """Save, and show the tracks of a part ("tracks.csv" or "sketch.csv") in space."""
-        if self.camera is None:
-            place = self.window.book.place("camera.toml")
-            self.camera = place if place.is_file() else None
-        if self.camera is None:
+        camera = self.camera or self.window.book.place("camera.toml")
+        if self.camera is None and not camera.is_file():
             question = "Horizontal field of view of the camera, degrees, and mean speed of the birds, m/s:"
             answers = [("Lift", lambda text: self._with(text, part)), ("Cancel", None)]
             self.window.ask("Camera", question, answers, f"{FOV:g}, {SPEED:g}")
             return
-        lens, film = read_camera(self.camera), self.window.film
-        if (lens.width, lens.height) != tuple(film.size):
-            told = f"has {lens.width} x {lens.height} pixels, but the clip has {film.size[0]} x {film.size[1]}"
-            raise refused(self.camera, told)
+        check_camera(camera, read_camera(camera), self.window.film)
         if self.window.save():
-            self._open(self.window.book.place(part))
+            self._open(self.window.book.place(part), camera)
 
     def _with(self, text, part):
         """Make the camera that was described."""
@@ -60,13 +55,12 @@ class Lifting:
         self.window.book.folder.mkdir(parents=True, exist_ok=True)
         lines = [f'schema = "{SCHEMA}"', *(f"{name} = {value}" for name, value in camera.model_dump().items())]
         write_text(place, "\n".join(lines) + "\n")
-        self.camera = place
         self.begin(part)
 
-    def _open(self, tracks):
+    def _open(self, tracks, camera):
         from flockbrush.lifting.ground_show import open_show
         from flockbrush.studio.flight_opening import flight_opening
 
-        window, camera = self.window, self.camera
+        window = self.window
         read = lambda: open_show(tracks, camera)  # noqa: E731
         window.open_over(flight_opening(tracks.name, window.screen.get_size(), window.theme.name, read))
