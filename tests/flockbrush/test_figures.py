@@ -66,7 +66,9 @@ def test_each_name_stands_once_in_the_legend_of_all_panels():
 
 
 def test_the_heading_is_wrapped_where_the_figure_ends():
-    figure = figure_of([WITH_GAP], "Herds", "marks: means over seeds; bars: standard error of the mean\n" + "many words " * 20)
+    figure = figure_of(
+        [WITH_GAP], "Herds", "marks: means over seeds; bars: standard error of the mean\n" + "many words " * 20
+    )
     lines = figure.get_suptitle().split("\n")
     assert lines[:3] == ["Herds", "marks: means over seeds; bars: standard error of", "the mean"]
     figure.draw_without_rendering()
