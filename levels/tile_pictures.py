@@ -36,10 +36,10 @@ def is_painted_over(there: bytes, new: bytes) -> bool:
     """Whether the file of a sheet shows other tiles than a new one, which may have more of them."""
     import cv2
 
-    read = [cv2.imdecode(np.frombuffer(data or b"?", np.uint8), cv2.IMREAD_UNCHANGED) for data in (there, new)]
-    before, after = read[0], read[1][: 0 if read[0] is None else len(read[0])]
-    if before is None or before.shape != after.shape:
+    before, after = (cv2.imdecode(np.frombuffer(data or b"?", np.uint8), cv2.IMREAD_UNCHANGED) for data in (there, new))
+    if before is None or after is None or before.shape != after[: len(before)].shape:
         return True
+    after = after[: len(before)]
     return bool((before != after)[before[..., 3] > 0].any())
 
 

@@ -44,7 +44,7 @@ def read_flight(path) -> LiftedFlight:
     missing = [column for column in wanted if column not in header]
     if missing:
         raise ProblemsError([Problem(name, 1, missing[0], "there is no such column")])
-    lines, names = array("q"), {}
+    lines, names = array("q"), dict[str, int]()
     rows = _numbered(rows, header.index("id"), names)
     values = _values(name, rows, wanted, [header.index(column) for column in wanted], lines)
     return _gridded(name, values, np.frombuffer(lines, np.int64), "time" in header, list(names))

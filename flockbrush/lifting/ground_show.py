@@ -37,7 +37,7 @@ class GroundShow(Show):
         self.evidence = evidence
         self.unit = "m" if evidence.length_unit == "m" else "BL"
         self.length = evidence.body_length_px if evidence.length_unit == "m" else UNSIZED
-        heights = np.zeros(len(evidence.sightings.xy)) if flight is None else _heights(evidence, self.length, flight)
+        heights = 0.0 if flight is None else _heights(evidence, self.length, flight)
         super().__init__(_placed(evidence, self.length, heights), evidence.name, span=self.length)
         self._face()
 
@@ -56,9 +56,11 @@ class GroundShow(Show):
 
 def _heights(evidence, length, flight):
     """(m,) m: height of each sighting, that of the nearest animal of its frame."""
-    heights = np.zeros(len(evidence.sightings.xy))
-    for t, frame in enumerate((evidence.fields.frames - flight.frames[0]).tolist()):
-        rows, places = evidence.sightings.of(t), flight.xyz[frame]
+    heights, frames = np.zeros(len(evidence.sightings.xy)), evidence.fields.frames
+    for t, k in enumerate(np.searchsorted(flight.frames, frames).tolist()):
+        if k == len(flight.frames) or flight.frames[k] != frames[t]:
+            continue
+        rows, places = evidence.sightings.of(t), flight.xyz[k]
         places = places[np.isfinite(places[:, 0])]
         if len(places):
             nearest = cKDTree(places[:, :2]).query(evidence.sightings.xy[rows] * length)[1]
@@ -69,7 +71,7 @@ def _heights(evidence, length, flight):
 def _placed(evidence, length, heights):
     sightings, names = evidence.sightings, np.unique(evidence.animals).tolist()
     xyz = np.full((len(sightings), len(names), 3), np.nan)
-    xyz[_at(evidence)] = np.column_stack([sightings.xy * length, heights])
+    xyz[_at(evidence)] = np.column_stack([sightings.xy * length, np.broadcast_to(heights, len(sightings.xy))])
     ids = whole_numbers(names)
     if ids is None or len(set(ids.tolist())) < len(names):
         ids = np.arange(len(names))
