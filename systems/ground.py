@@ -145,8 +145,8 @@ def _bind(lo, hi, animals, cell, here, painted, wanted, rules, dt, taken):
                     previous[i] = brush[i]
                 blend[i] = 0.0
             brush[i] = wanted[i]
-            view_range[i] = ranges[brush[i]] * length[i]
-            view_angle[i] = angles[brush[i]]
+        view_range[i] = ranges[brush[i]] * length[i]
+        view_angle[i] = angles[brush[i]]
         if blend[i] < 1.0:
             time = transition[brush[i]]
             if painted[i] == brush[i]:

@@ -5,6 +5,7 @@ import pytest
 from flockbrush.components import BrushBinding, Vision, Wish
 from flockbrush.levels.schema import BrushLayer, Zone
 from flockbrush.systems.commands import PaintBrush, SwitchBrush
+from flockbrush.systems.edits import UseBrush
 from small_herd import box, forward_of, meadow, put, straight, xy_of
 
 DT = 1 / 32
@@ -56,6 +57,16 @@ def test_sight_goes_with_the_brush():
     simulation.run(32 * 5)
     assert agents[Vision.range][0] == 4.0
     assert agents[Vision.field_of_view][0] == pytest.approx(2 * np.pi)
+
+
+def test_a_brush_that_is_replaced_changes_what_its_animals_see_at_once():
+    simulation = walker()
+    simulation.run(2)
+    home = straight("home", mean=2.0, vision={"range": 12.0, "field_of_view": 90.0})
+    simulation.submit(UseBrush("home", home.source.decode()))
+    simulation.tick()
+    assert simulation.agents[Vision.range][0] == 12.0
+    assert simulation.agents[Vision.field_of_view][0] == pytest.approx(np.pi / 2)
 
 
 def test_a_zone_lies_above_the_paint_and_takes_its_own_time():
