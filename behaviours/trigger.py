@@ -114,11 +114,8 @@ class Senses(Protocol):
     def last(self, memory: Condition, rows: np.ndarray) -> np.ndarray:
         """(k,) tick in which what the condition remembers last held; two ticks before the first where it never did."""
 
-    def looks_far(self, rows: np.ndarray, reach: np.ndarray) -> bool:
-        """Whether the lists of neighbours do not hold all within this reach (n,)."""
-
     def count_far(self, rows: np.ndarray, flags: np.ndarray, reach: np.ndarray) -> np.ndarray:
-        """(k,) how many of the animals with a flag are seen within a reach (n,), beyond the lists of neighbours too."""
+        """(k,) how many of the animals with a flag are seen within a reach (n,), by the eyes of the species."""
 
     def drawn(self, name: str, amount: Amount, rows: np.ndarray, ticks: np.ndarray | None = None) -> np.ndarray:
         """(k,) an amount, drawn for each animal where it is a range: the same number for the same ``ticks``."""
@@ -305,20 +302,16 @@ def count_seen(senses: Senses, rows, names=(ANYONE,), within=None, flags=None):
     names : tuple of str
         Species, `anyone`, `kin` or `others`.
     within : Amount, optional
-        Species that are named are looked for as far as this; else nobody farther away than the brush sees is found.
+        Where only species are named, the eyes of the species look as far as this; else only neighbours that the brush
+        perceives are counted.
     flags : (n,) uint8, optional
         Count only those with a flag.
     """
     count = np.zeros(len(rows), np.int64)
     reach = np.full(len(senses.ids), np.inf) if within is None else within.of(senses.length) + 0.0 * senses.length
     wanted = senses.flags(names)
-    if (
-        flags is None
-        and not {ANYONE, KIN, OTHERS} & set(names)
-        and within is not None
-        and senses.looks_far(rows, reach)
-    ):
-        return senses.count_far(rows, wanted, reach)
+    if within is not None and not {ANYONE, KIN, OTHERS} & set(names):
+        return senses.count_far(rows, wanted if flags is None else wanted & flags, reach)
     flagged = senses.flags((ANYONE,)) if flags is None else flags
     query = Asked(wanted, senses.kin, KIN in names, OTHERS in names)
     for lists in senses.seen:

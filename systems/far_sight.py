@@ -53,16 +53,18 @@ def sees_place(eyes, rows, place, reach):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count(lo, hi, eyes, rows, targets, x, reach, count):
+    wraps = 1 if eyes.width > 0.0 else 0
     for k in range(lo, hi):
         i = rows[k]
-        a, b = 0, len(targets)
-        if eyes.width <= 0.0:  # those in reach by x alone
-            a = np.searchsorted(x, eyes.xyz[i, 0] - reach[i])
-            b = np.searchsorted(x, eyes.xyz[i, 0] + reach[i], side="right")
-        for t in range(a, b):
-            j = targets[t]
-            place = eyes.xyz[j, 0], eyes.xyz[j, 1], eyes.xyz[j, 2]
-            count[k] += j != i and _sees(eyes, i, place, eyes.radius[j], eyes.aloft[j], reach[i])
+        end = 0
+        for image in range(-wraps, wraps + 1):  # those in reach by x alone, each once
+            middle = eyes.xyz[i, 0] + image * eyes.width
+            begin = max(end, np.searchsorted(x, middle - reach[i]))
+            end = max(end, np.searchsorted(x, middle + reach[i], side="right"))
+            for t in range(begin, end):
+                j = targets[t]
+                place = eyes.xyz[j, 0], eyes.xyz[j, 1], eyes.xyz[j, 2]
+                count[k] += j != i and _sees(eyes, i, place, eyes.radius[j], eyes.aloft[j], reach[i])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -190,13 +190,9 @@ class WorldSenses:
         return self._agents[ProgramState.memory][rows, self._slots[memory.memory()]]
 
     def count_far(self, rows, flags, reach):
-        """(k,) how many of the animals with a flag are seen within a reach (n,), however far that is."""
+        """(k,) how many of the animals with a flag are seen within a reach (n,), by the eyes of the species."""
         targets = np.flatnonzero(flags).astype(np.int32)
         return count_far(self._eyes(), rows, targets, reach)
-
-    def looks_far(self, rows, reach):
-        """Whether these animals are asked about more than is in their lists of neighbours."""
-        return self._world.resource(Near).aloft is not None or bool((reach > self._agents[Vision.range])[rows].any())
 
     def _eyes(self):
         return self._once("eyes", self._make_eyes)

@@ -8,7 +8,7 @@ from flockbrush.behaviours.trigger import Condition, Names, Reference, condition
 
 @condition
 class Sees(Condition):
-    """The animal sees at least one animal of a species. Walls and other bodies hide animals."""
+    """The animal sees at least one animal of a species. Walls hide animals."""
 
     sees: Names = given(..., "species, `kin` (its own kind), `others` (any other) or `anyone`")
     within: Length | None = given(None, "animals farther away than this do not count")

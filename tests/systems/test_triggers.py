@@ -55,6 +55,36 @@ def test_sees_a_wolf_over_the_backs_of_others_but_no_neighbour_behind_another():
     assert moved(world(two_states("{ sees_more_than = 1 }"), [HERE, (1.5, 0), (3, 0)])) == [False, True, False]
 
 
+@pytest.mark.parametrize("bystander", [(), (-60, -60, 30.0)])
+def test_a_named_species_is_seen_by_the_eyes_at_any_distance_whoever_else_is_there(bystander):
+    """The wolf is within the range of the brush, behind another sheep; a bird far away changes nothing."""
+    places, kinds, names = [HERE, (1.5, 0), (3, 0)], ["sheep", "sheep", "wolf"], ["graze", "graze", "wolf-hunt"]
+    if bystander:
+        places, kinds, names = [*places, bystander], [*kinds, "falcon"], [*names, "falcon"]
+    assert moved(world(two_states('{ sees = "wolf", within = "3.5 m" }'), places, kinds, names))[:2] == [True, True]
+
+
+def test_a_share_of_a_named_species_counts_all_whom_the_eyes_see():
+    """One of the two sheep within 12 m runs, farther away than the brush sees (4 m)."""
+    text = (
+        "[state.calm]\n[state.run]\n[[trigger]]\nfrom = 'calm'\nto = 'run'\n"
+        "when = {{ share_of_seen_in = 'run', at_least = {share}, species = 'sheep', within = '12 m' }}"
+    )
+    for share, expected in ((0.5, "run"), (0.51, "calm")):
+        scene = world(program(text.format(share=share)), [HERE, (3, 0), (9, 2)])
+        scene.submit(SetState("small", "run", x=SIZE / 2 + 9, y=SIZE / 2 + 2, radius=0.5))
+        scene.run(1)
+        assert states(scene)[0] == expected
+
+
+@pytest.mark.parametrize("within", [20, 99, 150, 400])
+def test_named_species_are_counted_once_over_the_seam(within):
+    places, kinds = [(-99, 0), (99, 0), (-95, 2), (97, 6)], ["sheep", "sheep", "goat", "goat"]
+    for more, expected in ((1, True), (2, False)):
+        prog = two_states(f'{{ sees_more_than = {more}, species = "goat", within = "{within} m" }}')
+        assert moved(world(prog, places, kinds, level={"boundary": "wrap"}))[:2] == [expected] * 2
+
+
 def test_sees_nobody_behind_its_back():
     """The eyes of a sheep leave 60 degrees behind it."""
     assert not sees_wolf([HERE, (-10, 0)]) and not sees_wolf([HERE, (-10, 5)])
