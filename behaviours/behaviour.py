@@ -197,7 +197,7 @@ class Bodies(NamedTuple):
     acceleration: np.ndarray  # (n,) m/s^2
     slowest: np.ndarray  # (n,) m/s in the air; 0 on the ground
     alarm: np.ndarray  # (n,) 0 to 1, what is left of a fright
-    place: np.ndarray  # (n, 3) m, where the danger was last seen
+    threat: np.ndarray  # (n, 3) m, from there to where the danger was last seen
     cruise: np.ndarray  # (n,) m above the ground where the species flies
     climb: np.ndarray  # (n,) m/s, the fastest it rises
     sink: np.ndarray  # (n,) m/s, its top sink rate when it lands

@@ -31,6 +31,7 @@ from flockbrush.components import (
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
 from flockbrush.systems.fauna import FEAR, NO_LIMIT, SpeciesList, by_medium, kin_of, kinds_of
 from flockbrush.systems.foresight import Ahead
+from flockbrush.systems.grid import short_way
 from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.leaders import where_sent
@@ -96,15 +97,18 @@ def bodies_of(world, speed):
     top, flee, most = by_medium(table, species, aloft, table.speed, table.flee, table.acceleration)
     known = table.known[species]
     usual = np.maximum(FASTER * speed, 4.0 * length)  # of those that nobody has described
+    xyz = agents[Position.xyz]
+    threat = agents[Alarm.place] - xyz
+    threat[:, :2] = short_way(threat[:, :2], land.wrap)
     return frozen(Bodies(
         aloft=aloft,
-        height=agents[Position.xyz][:, 2] - heights_of_ground(land.relief, land.relief_cell, agents[Position.xyz]),
+        height=xyz[:, 2] - heights_of_ground(land.relief, land.relief_cell, xyz),
         top=top,
         flee=np.where(known, flee, usual),
         acceleration=np.where(known, most, 4.0 * usual),
         slowest=np.where(aloft, table.slowest[species], 0.0),
         alarm=agents[Alarm.level],
-        place=agents[Alarm.place],
+        threat=threat,
         cruise=table.height[species],
         climb=table.climb[species],
         sink=table.sink[species],

@@ -48,8 +48,7 @@ def flee(scene, rows, p):
 def _flee(rows, noticed, bodies, animals, obstacle_first, obstacle_offset, away, fear):
     """The unit vector away from all that each fears, along walls, and how much it fears."""
     first, _, offset, verb, weight, notice = noticed
-    aloft, height, alarm, place = bodies.aloft, bodies.height, bodies.alarm, bodies.place
-    xyz, length = animals.xyz, animals.length
+    aloft, height, alarm, threat, length = bodies.aloft, bodies.height, bodies.alarm, bodies.threat, animals.length
     for k in range(len(rows)):
         i = rows[k]
         ax = ay = az = worst = 0.0
@@ -65,12 +64,10 @@ def _flee(rows, noticed, bodies, animals, obstacle_first, obstacle_offset, away,
             ax, ay, az = ax - much * x / size, ay - much * y / size, az - much * z / size
             worst = max(worst, much)
         if alarm[i] > worst:  # out of sight, not out of mind
-            x, y, z = xyz[i, 0] - place[i, 0], xyz[i, 1] - place[i, 1], xyz[i, 2] - place[i, 2]
-            if not aloft[i]:
-                z = 0.0
+            x, y, z = threat[i, 0], threat[i, 1], threat[i, 2] if aloft[i] else 0.0
             size = max(np.sqrt(x * x + y * y + z * z), 1e-9)
             more = alarm[i] - worst
-            ax, ay, az = ax + more * x / size, ay + more * y / size, az + more * z / size
+            ax, ay, az = ax - more * x / size, ay - more * y / size, az - more * z / size
             worst = alarm[i]
         size = np.sqrt(ax * ax + ay * ay + az * az)
         if worst <= 0.0 or size < 1e-9:

@@ -109,6 +109,15 @@ def test_the_fright_fades_and_the_herd_goes_on_as_its_brush_says():
     assert speeds(simulation).max() < 0.5
 
 
+@pytest.mark.parametrize("x", [0.2, 39.8])
+def test_who_has_fled_over_the_seam_runs_on_from_where_the_danger_was(x):
+    simulation = meadow(brush("graze", mean=0.3), boundary="wrap")
+    put(simulation, (x, 20.0), np.pi, species="sheep")
+    simulation.agents[Alarm.level][:], simulation.agents[Alarm.place][:] = 1.0, (3.0, 20.0, 0.0)
+    simulation.run(8)
+    assert simulation.agents[Velocity.xyz][0, 0] < -0.5
+
+
 def test_nobody_is_faster_or_gets_faster_sooner_than_its_species_can():
     sheep = SpeciesList(["sheep"]).assets[0]
     simulation = herd_and_wolf()
