@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass, field
 
 import numpy as np
-from flockbrush.components import Body, Destination, Position, Species
+from flockbrush.components import Body, BrushBinding, Destination, Position, Species
 from flockbrush.components.level_things import Spawn
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.columns import Component
@@ -77,7 +77,7 @@ REACH = 0.25  # body lengths from body to body: so near a hunter catches its pre
 
 
 def caught(world):
-    """(n,) bool, who is caught by a hunter whose species takes its prey out of the world."""
+    """(n,) bool, who is caught by an animal that hunts, and whose species takes its prey out of the world."""
     agents, lists = world.agents, world.resource(Noticed).lists if world.has(Noticed) else None
     leaves = np.zeros(len(agents), bool)
     if lists is None:
@@ -90,6 +90,7 @@ def caught(world):
     species, size = agents[Species.index], agents[Body.axis] + agents[Body.radius]
     near = np.sqrt((lists.offset[hunts] ** 2).sum(axis=1)) - size[hunter] - size[prey]
     fatal = removes[species[hunter], species[prey]] & (near <= REACH * agents[Body.length][hunter])
+    fatal &= world.resource(Palette).hunts[agents[BrushBinding.brush][hunter]]
     leaves[prey[fatal]] = True
     return leaves
 

@@ -235,8 +235,9 @@ class Palette:
         self.drives_asked = column(lambda b: any(params.strength > 0.0 for params in b.drives.values())).astype(bool)
         self.drives_needed = np.array([bool(model.needs) for model in self.models], bool)
         verbs = {verb for row in self.drives for one, _ in row for verb in one.notices}
-        self.hunting = "hunt" in verbs
-        self.hunting |= any("hunt" in model.has for model in self.models)  # whose catch may be fatal
+        acts = [{*m.has, *(one.name for one, _ in row)} for m, row in zip(self.models, self.drives, strict=True)]
+        self.hunts = np.array(["hunt" in names for names in acts], bool)  # whose catch may be fatal
+        self.hunting = "hunt" in verbs or bool(self.hunts.any())
         self.following = "follow" in verbs
         self.exact = np.array([flight.exact for flight in flights], bool)  # the model says the velocity
         self.flies_free = self.flies & ~self.grounded  # through the air, and not held to the ground

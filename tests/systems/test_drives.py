@@ -196,16 +196,29 @@ def test_a_brush_names_its_drives_and_a_mistake_is_told_with_its_line(tmp_path):
         load_brush(text.replace("strength = 0.5", "strength = 5.0").encode(), "march.brush.toml")
 
 
-@pytest.mark.parametrize("catch", ["none", "remove"])
-def test_a_catch_takes_the_prey_out_of_the_world_where_the_species_says_so(catch):
-    simulation = meadow(driven("hunt", straight(mean=1.0)), brush("stand", mean=0.0))
+def tiger_and_sheep(catch, hunter, tiger_at):
+    """A tiger under the brush ``hunter``, and a sheep at (20, 20); one of the other brushes hunts."""
+    simulation = meadow(driven("hunt", straight("chase", mean=1.0)), brush("stand", mean=0.0), brush("wolf", "hunt"))
     fauna = simulation.world.resource(SpeciesList)
     text = (
         'schema = "flockbrush.species/1"\nmedia = ["walk"]\n[body]\nlength = 1.5\nradius = 0.3\n[relations]\n'
         f'sheep = {{ hunt = 1.0, notice = "60 m", catch = "{catch}" }}\n'
     )
     fauna.library = SpeciesLibrary(shipped_species().folders, {"tiger.species.toml": text.encode()})
-    put(simulation, (10, 20), 0.0, species="tiger", brush="straight")
+    put(simulation, tiger_at, 0.0, species="tiger", brush=hunter)
     put(simulation, (20, 20), species="sheep", brush="stand")
+    return simulation
+
+
+@pytest.mark.parametrize("catch", ["none", "remove"])
+def test_a_catch_takes_the_prey_out_of_the_world_where_the_species_says_so(catch):
+    simulation = tiger_and_sheep(catch, "chase", (10, 20))
     simulation.run(32 * 15)
     assert len(simulation.agents) == (1 if catch == "remove" else 2)
+
+
+@pytest.mark.parametrize("hunter", ["chase", "wolf", "stand"])
+def test_only_who_hunts_under_its_own_brush_catches(hunter):
+    simulation = tiger_and_sheep("remove", hunter, (18.8, 20))
+    simulation.tick()
+    assert len(simulation.agents) == (2 if hunter == "stand" else 1)
