@@ -6,6 +6,8 @@ import numpy as np
 
 from flockbrush.behaviours.v_rules.indicators import SHAPES, indicators
 from flockbrush.components import Body, BrushBinding, Heading, Position
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.measures import compute_unwrapped
 from flockbrush.systems.palette import Palette
 
 MEANINGS = {
@@ -31,9 +33,9 @@ def v_indicators(simulation):
     rules = palette.brushes[int(agents[BrushBinding.brush][rows[0]])].params
     along = agents[Heading.forward][rows, :2].mean(0)
     along = along / max(float(np.hypot(*along)), 1e-12)
-    xyz = (agents[Position.xyz][rows] - agents[Position.xyz][rows[0]]) / (
-        rules.wingspan * agents[Body.length][rows].mean()
-    )
+    xyz = agents[Position.xyz][rows]
+    xyz[:, :2] = compute_unwrapped(xyz, simulation.world.resource(Landscape).wrap)
+    xyz = (xyz - xyz[0]) / (rules.wingspan * agents[Body.length][rows].mean())
     right = np.array([along[1], -along[0]])
     height = xyz[:, 2] if rules.layer else np.zeros(len(rows))
     values = indicators(np.column_stack([xyz[:, :2] @ right, xyz[:, :2] @ along, height])[None], rules)

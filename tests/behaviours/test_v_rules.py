@@ -302,10 +302,10 @@ def test_a_bird_alone_has_no_line():
 W = 1.5  # m, a wingspan
 
 
-def geese(seed=3, birds=9, heading=np.pi / 2, guides=(), **rules):
+def geese(seed=3, birds=9, heading=np.pi / 2, guides=(), boundary="open", **rules):
     """A world with birds at the places of `starts`, flying at 8 m/s."""
     asset = brush("geese", model="v_rules", mean=8.0, vision={"range": 100.0, "occlusion": False}, wingspan=W, **rules)
-    simulation = meadow(asset, seed=seed, width=2000, height=2000, guides=list(guides))
+    simulation = meadow(asset, seed=seed, width=2000, height=2000, boundary=boundary, guides=list(guides))
     begin = starts([seed], birds, VRuleSettings(**{k: v for k, v in rules.items() if k in VRuleSettings.model_fields}))
     along = np.array([np.cos(heading), np.sin(heading)])
     right = np.array([along[1], -along[0]])
@@ -367,6 +367,19 @@ def test_a_flock_in_formation_follows_its_guide_through_a_bend():
     assert v_indicators(skein)["groups"] == 1
     spread = skein.agents[Position.xyz].std(0)
     assert np.hypot(*spread[:2]) < 15 and spread[2] < 1e-6
+
+
+def test_indicators_take_a_flock_on_the_seam_of_a_map_as_one():
+    from flockbrush.runs.v_measures import v_indicators
+
+    told = []
+    for x in (900.0, 1999.0):  # of the first bird
+        simulation = geese(boundary="wrap")[0]
+        xyz = simulation.agents[Position.xyz]
+        xyz[:, 0] = np.mod(xyz[:, 0] - xyz[0, 0] + x, 2000.0)
+        told.append(v_indicators(simulation))
+    assert np.ptp(xyz[:, 0]) > 1900.0
+    assert told[1] == pytest.approx(told[0])
 
 
 def test_birds_that_turn_face_the_way_they_shift():
