@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 from flockbrush.behaviours.trigger import Happening
-from flockbrush.components import Position, Velocity
-from flockbrush.engine.clock import Clock
+from flockbrush.components import Position
 from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.spawning import inside_polygon
@@ -31,19 +30,28 @@ def middle_of_region(name, land):
     return goal if goal is not None else polygons[0].mean(0) if polygons else None
 
 
-def entered(world):
-    """Events of those who have come into a zone in the last step."""
+def raising(land):
+    """The zones that raise an event."""
+    return [zone for zone in land.marks.zones if zone.event]
+
+
+def entered(world, known):
+    """Events of those who have come into a zone since the last tick.
+
+    Parameters
+    ----------
+    known : (ids, xyz, species) or None
+        The animals of the last tick (`flockbrush.systems.programs.Programs`).  Who was not there enters nothing.
+    """
     happened: list[Happening] = []
-    land, agents = world.resource(Landscape), world.agents
-    zones = [zone for zone in land.marks.zones if zone.event]
-    if not zones or not len(agents):
+    zones, agents = raising(world.resource(Landscape)), world.agents
+    if not zones or known is None or not len(known[0]):
         return happened
-    now = agents[Position.xyz]
-    before = now - agents[Velocity.xyz] * world.resource(Clock).dt
-    if land.wrap is not None:
-        before[:, :2] -= np.floor(before[:, :2] / land.wrap) * land.wrap
+    now, ids = agents[Position.xyz], known[0]
+    at = np.minimum(np.searchsorted(ids, agents.ids), len(ids) - 1)
+    there, before = ids[at] == agents.ids, known[1][at]
     for zone in zones:
-        came = inside_polygon(now, zone.polygon) & ~inside_polygon(before, zone.polygon)
+        came = there & inside_polygon(now, zone.polygon) & ~inside_polygon(before, zone.polygon)
         for row in np.flatnonzero(came).tolist():
             xyz, reach = tuple(now[row].tolist()), zone.event_reach if zone.event_reach >= 0 else math.inf
             alone = int(agents.ids[row]) if zone.event_reach == 0 else 0

@@ -28,7 +28,7 @@ from flockbrush.engine.noise import Noise
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.grid import farthest_sight
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.named_regions import entered, in_region
+from flockbrush.systems.named_regions import entered, in_region, raising
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.program_senses import WorldSenses
@@ -180,7 +180,7 @@ class RunPrograms(System):
         if not programs.programs:
             return
         happened, programs.events = programs.events, []
-        happened = happened + entered(world)
+        happened = happened + entered(world, programs.known)
         senses = WorldSenses(world, programs, happened)
         agents = world.agents
         for number, compiled in enumerate(programs.compiled):
@@ -188,7 +188,7 @@ class RunPrograms(System):
             if len(rows):
                 self._run(world, programs, compiled, senses, rows)
         programs.known, needs = None, programs.needs
-        if needs & {"births", "deaths"}:
+        if needs & {"births", "deaths"} or raising(world.resource(Landscape)):
             programs.known = agents.ids.copy(), agents[Position.xyz].copy(), agents[Species.index].copy()
         if "before" in needs:
             agents[ProgramState.before][:] = agents[Velocity.xyz]

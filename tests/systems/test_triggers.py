@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import small_herd
 from flockbrush.behaviours import trigger as trigger_module
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.trigger import conditions
@@ -343,8 +344,21 @@ def test_a_zone_raises_an_event():
         )  # fmt: skip
         assert moved(scene, 2) == [False] * 3
         put(scene, [HERE, (8, 0), (-50, 0)])
-        scene.agents[Velocity.xyz][0] = (-60 * 32, 0, 0)  # as if it had come so far in this tick
         assert moved(scene) == expected, reach
+
+
+def test_who_is_born_in_a_zone_or_begins_there_does_not_enter_it():
+    gate = zone("gate", -2, -2, 2, 2, event="gate", event_reach=-1.0)
+    scene = world(two_states('{ event = "gate" }'), [HERE, FAR], zones=[gate])
+    scene.agents[Velocity.xyz][0] = (5 * 32, 0, 0)
+    assert moved(scene, 2) == [False] * 2
+    newborn = small_herd.put(scene, at(0, 0), species="sheep", brush="graze", speed=5 * 32.0)
+    assert moved(scene, 2)[:2] == [False] * 2
+    scene.world.delete_entity(int(newborn[0]))
+    put(scene, [FAR, FAR, FAR])
+    assert moved(scene, 2) == [False] * 2
+    put(scene, [HERE, FAR])
+    assert moved(scene) == [True] * 2
 
 
 def test_a_state_raises_an_event():
