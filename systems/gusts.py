@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.components import BrushBinding
 from flockbrush.components.formation import FormationPlace
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.noise import Noise
+from flockbrush.systems.palette import Palette
 from flockbrush.systems.selection import OfAnimals, check_circle, check_species
 from flockbrush.systems.undo import need
 
@@ -17,8 +19,8 @@ ONSET = 0.5  # s in which a gust is felt.  By eye
 class Gust(OfAnimals):
     """Wind (x, y, z) m/s that comes up at once and lulls within ``seconds``, not the same for every bird.
 
-    All, one species, or those within ``radius`` of (at_x, at_y).  ``uneven`` 0 blows at all alike, 1 at some not at
-    all and at others twice as much.
+    It blows at those who fly in line formation: all, one species, or those within ``radius`` of (at_x, at_y).
+    ``uneven`` 0 blows at all alike, 1 at some not at all and at others twice as much.
     """
 
     place_kinds = ()  # (x, y) is a wind
@@ -38,6 +40,9 @@ class Gust(OfAnimals):
         need(0 <= self.uneven <= 1, f"uneven must be from 0 to 1, got {self.uneven:g}")
         check_circle(self)
         check_species(world, self.species)
+
+    def chosen(self, world):
+        return super().chosen(world) & world.resource(Palette).formation[world.agents[BrushBinding.brush]]
 
     def apply(self, world):
         agents = world.agents

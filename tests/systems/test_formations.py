@@ -8,7 +8,7 @@ from flockbrush.systems.commands import Migrate, SwitchBrush
 from flockbrush.systems.gusts import Gust
 from flockbrush.systems.initiation import scattered
 from flockbrush.systems.palette import Palette
-from small_herd import brush, meadow, put
+from small_herd import brush, meadow, put, put_aloft, straight
 
 from flockbrush.runs.run import start
 
@@ -184,6 +184,18 @@ def test_a_gust_scatters_the_flock_and_it_closes_up_again(formed):
     formed.run(320)
     assert formation(formed)[2] == pytest.approx(1.25 * np.arange(-4, 5), abs=0.2)
     assert not formed.agents[FormationPlace.wind].any()
+
+
+def test_a_gust_blows_at_those_alone_who_fly_in_formation():
+    simulation = meadow(geese(), straight("rest", mean=0.0), boundary="open")
+    put(simulation, [(0.0, 0.0)], brush="rest")
+    put_aloft(simulation, [(0.0, 20.0, 50.0)], brush="geese")
+    simulation.submit(Gust(5.0, 0.0, seconds=2.0, uneven=0.0))
+    simulation.run(4)
+    assert simulation.agents[FormationPlace.gust].any(axis=1).tolist() == [False, True]
+    simulation.run(32 * 10)
+    for column in (FormationPlace.gust, FormationPlace.wind, FormationPlace.felt):
+        assert not simulation.agents[column].any()
 
 
 def test_a_gust_that_cannot_be_is_refused():
