@@ -1,10 +1,10 @@
 """SENSE and DECIDE: whom animals notice because of what they are, and how long a fright lasts.
 
 Brushes perceive neighbours (`flockbrush.systems.senses`); this is about those whom the species table names: dangers,
-prey, and whoever is followed.  *j* is noticed by *i* when it is nearer than the relation's ``notice`` (divided by the
-boldness of *i*), in the field of view of the eyes, or anywhere around once *i* is alarmed, and no obstacle, no ground
-that blocks the view (between two on the ground) and no hill is between the eyes of one and the body of the other.
-Bodies hide nobody here: a head is above the backs of others.
+prey, and whoever is followed.  *j* is noticed by *i* when it is nearer than the relation's ``notice`` (for a danger
+divided by the boldness of *i*), in the field of view of the eyes, or anywhere around once *i* is alarmed, and no
+obstacle, no ground that blocks the view (between two on the ground) and no hill is between the eyes of one and the body
+of the other.  Bodies hide nobody here: a head is above the backs of others.
 """
 
 from __future__ import annotations
