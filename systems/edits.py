@@ -117,7 +117,7 @@ class PlaceGoal(OfThing):
     """
 
     kind = "goal"
-    as_it_stands: ClassVar = ({"x": None, "y": None, "points": []},)
+    as_it_stands: ClassVar[tuple[dict, ...]] = ({"x": None, "y": None, "points": []},)
     id: int
     name: str
     x: float | None  # m; x and y None: as the one with its id stands
