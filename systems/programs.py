@@ -178,6 +178,7 @@ class RunPrograms(System):
     def process(self, world):
         programs = world.resource(Programs)
         if not programs.programs:
+            programs.known = None
             return
         happened, programs.events = programs.events, []
         happened = happened + entered(world, programs.known)

@@ -11,6 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import brush, forward_of, meadow, point_to_segment, put
 
+from flockbrush.runs.v_measures import flying_alike
+
 BEST = 1 + OVERLAP  # wingspans from body to body where upwash is best
 STEP = 0.06
 
@@ -380,6 +382,34 @@ def test_indicators_take_a_flock_on_the_seam_of_a_map_as_one():
         told.append(v_indicators(simulation))
     assert np.ptp(xyz[:, 0]) > 1900.0
     assert told[1] == pytest.approx(told[0])
+
+
+@pytest.mark.parametrize("turn", [0.0, 90.0, 180.0])
+def test_skeins_that_fly_different_ways_are_measured_along_their_own(turn):
+    from flockbrush.runs.v_measures import v_indicators
+
+    simulation, *_ = geese(birds=9)
+    simulation.run(1200)
+    one = v_indicators(simulation)
+    xy = simulation.agents[Position.xyz][:, :2] - 900
+    there = np.linalg.matrix_power([[0.0, -1.0], [1.0, 0.0]], round(turn / 90))
+    put(simulation, xy @ there.T + 300, np.pi / 2 + np.radians(turn), brush="geese")
+    simulation.agents[Position.xyz][9:, 2] = 100
+    both = v_indicators(simulation)
+    assert one["segments"] > 0 and both["shape"] == "several groups"
+    assert [both[name] for name in ("leads", "groups", "segments")] == [
+        2 * one[name] for name in ("leads", "groups", "segments")
+    ]
+    assert both["distance"] == pytest.approx(one["distance"], abs=1e-6)
+
+
+def test_birds_fly_alike_where_no_gap_of_headings_is_between_them():
+    degrees = np.array([350, 10, 100, 95, 220, 30, 105])
+    forward = np.column_stack([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    assert sorted(map(list, flying_alike(forward))) == [[0, 1, 5], [2, 3, 6], [4]]
+    assert [len(rows) for rows in flying_alike(forward[:1])] == [1] and flying_alike(forward[:0]) == []
+    angle = np.radians(np.arange(0, 360, 20))
+    assert len(flying_alike(np.column_stack([np.cos(angle), np.sin(angle)]))) == 1
 
 
 def test_birds_that_turn_face_the_way_they_shift():
