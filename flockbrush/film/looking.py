@@ -27,5 +27,5 @@ class Looking:
     regions: Path | None = None
     unit: str | None = None  # of tracks: m, px or bl
     fps: float | None = None  # of tracks
-    body_length_m: float | None = None  # of tracks in metres
+    body_length_m: float | None = None  # of tracks in metres; the same as in pixels: in whichever unit they are
     arena: Arena | None = None  # of tracks

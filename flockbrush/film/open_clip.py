@@ -69,7 +69,7 @@ def read_tracks_of(path, how: Looking) -> tuple[Trajectories, float]:
         if how.body_length_px is None:
             raise refused(path, "is in pixels: give the body length with --body-length-px")
         return tracks, how.body_length_px
-    if how.body_length_px is not None:
+    if how.body_length_px not in (None, how.body_length_m):
         unit = "m: give the body length with --body-length-m" if tracks.unit == "m" else "body lengths"
         raise refused(path, f"--body-length-px can only be used with tracks in pixels, and this is in {unit}")
     return tracks, 1.0 if tracks.unit == "bl" else how.body_length_m or USUAL_LENGTH_M

@@ -47,8 +47,7 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
     sky = str(clip) == SKY and not Path(clip).exists()
     modes = MODES_OF_SKY if sky else MODES
     if mode is not None and mode not in modes:
-        whose = f"the mode of {'an empty sky' if sky else 'a clip'}"
-        raise typer.BadParameter(f"{whose} must be one of {', '.join(modes)}, got {mode!r}", param_hint="--mode")
+        raise typer.BadParameter(f"the mode must be one of {', '.join(modes)}, got {mode!r}", param_hint="--mode")
     folder = Path(out or ".")
     if folder.exists() and not folder.is_dir():
         raise refused(folder, "is a file; --out must be the folder for all output files")

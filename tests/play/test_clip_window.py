@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pygame
 import pytest
+from flockbrush.engine.problems import ProblemsError
 from typer.testing import CliRunner
 
 from flockbrush.cli.main import app as commands
@@ -448,3 +449,50 @@ def test_every_mode_can_be_had_at_every_size(sky_clip, open_window):
             window.key(str(number))
             assert window.modes[number - 1] is window.mode
     assert window.said() == []
+
+
+# the command ----------------------------------------------------------------------------
+
+
+def test_the_command_opens_a_window_and_says_what_is_wrong(tmp_path, monkeypatch, sky_clip):
+    runner, out = CliRunner(), ["--out", str(tmp_path / "marks")]
+    done = runner.invoke(commands, ["play", "--clip", str(sky_clip), *out, "--frames", "2"])
+    assert done.exit_code == 0, done.output
+    assert runner.invoke(commands, ["play", "--clip", "sky", *out, "--frames", "2"]).exit_code == 0
+    (tmp_path / "notes.mp4").write_text("no film")
+    (tmp_path / "cam.toml").write_text("width = 3\n")
+    for words, said in (
+        (["--clip", str(tmp_path / "notes.mp4")], "is not a readable video"),
+        (["--clip", str(tmp_path)], "is a folder"),
+        (["--clip", str(sky_clip), "--tracks", str(tmp_path / "no.csv")], "no.csv"),
+        (["--clip", str(sky_clip), "--camera", str(tmp_path / "cam.toml")], "height is missing"),
+        (["--clip", str(sky_clip), "--out", str(tmp_path / "notes.mp4")], "is a file"),
+    ):
+        done = runner.invoke(commands, ["play", *words])
+        assert isinstance(done.exception, ProblemsError) and said in str(done.exception)
+    (tmp_path / "t.csv").write_text("frame,id,x,y\n")
+    for words, option, what in (
+        (["--clip", str(sky_clip), "--record", "r.flock"], "--record", "a clip"),
+        (["meadow", "--tracks", "t.csv"], "--tracks", "a level or a recording"),
+        (["meadow", "--unit", "m"], "--unit", "a level or a recording"),
+        ([str(tmp_path / "t.csv"), "--text-size", "90"], "--text-size", "tracks"),
+    ):
+        done = runner.invoke(commands, ["play", *words])
+        assert done.exit_code == 2 and option in done.output and f"does not apply to {what}" in done.output
+    monkeypatch.setattr("flockbrush.studio.start_clip.missing_display", lambda: "none")
+    done = runner.invoke(commands, ["play", "--clip", str(sky_clip), *out], standalone_mode=False)
+    assert done.return_value == 2
+
+
+def test_who_is_interrupted_loses_nothing(sky_clip, tmp_path, monkeypatch):
+    from flockbrush.runs.terminal import Stopped
+    from flockbrush.studio import start_clip
+
+    def interrupted(window, frames, stop):
+        window.book.mark("length", "body", 0, body_length=12.0)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ClipWindow, "run", interrupted)
+    with pytest.raises((KeyboardInterrupt, Stopped)):
+        start_clip.mark_clip(sky_clip, tmp_path / "out", frames=1)
+    assert "body_length_px = 12" in (tmp_path / "out" / "birds.marks.toml").read_text()
