@@ -100,6 +100,8 @@ def _mixing_hint(library, start, end):
 def _replaced(library, start, end):
     """Those of two brushes that are not the brush of their name beside the measured path: it was measured with that."""
     file = library.file_called(library.path_between(start, end)[0])
+    if not file.is_absolute():  # embedded in a recording, with the brushes of that run
+        return []
     beside = {name: file.with_name(name + SUFFIX) for name in (start, end)}
     return [name for name, own in beside.items() if own.is_file() and own.read_bytes() != library.get(name).source]
 

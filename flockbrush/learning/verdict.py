@@ -165,7 +165,7 @@ def _of_battery(battery: Common, function, *args):
 
 
 def after_long(battery: Battery, rows: list[BatteryRow], found: list[Series]) -> list[BatteryRow]:
-    """What became of runs against the clip, with wider limits; what changes in the clip may go on changing."""
+    """What became of runs against the clip, with limits of its own; what changes in the clip may go on changing."""
     growth = battery.series.growth if "growth" in battery.values else 0.0
     out = []
     for row in rows:

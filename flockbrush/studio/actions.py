@@ -185,7 +185,7 @@ class AppActions:
         if not self.session.dirty or self.session.lent:  # which the session refuses to lose
             return self._reload()
         answers = [("Reload", self._reload), ("Cancel", None)]
-        question = f"Your unsaved changes will be kept in {Path(self.session.path).name}.mine.bak."
+        question = f"Your unsaved changes will be kept beside {Path(self.session.path).name}, in a .mine.bak file."
         return self.ask("Reload the level from disk?", question, answers)
 
     def _reload(self, keep="theirs"):

@@ -61,7 +61,7 @@ class LiftWindow(Window):
         self.wanted = show.wanted
         self.at = 0.0  # frames: where playing is
         self._due = np.inf  # s until all frames are solved
-        self._later: Callable | None = None  # done when they are
+        self._later: list[Callable] = []  # done when they are
         self._camera: OrbitCamera | None = None
         self.open(size)
         for note in show.flight.notes:
@@ -429,7 +429,7 @@ class LiftWindow(Window):
 
     def _when_solved(self, write):
         """Write what is kept: solved as is wished, in all its frames. Until it is, the window goes on."""
-        self._later = write
+        self._later.append(write)
         if not self.solver.has(self.wanted):
             self._due = np.inf
             self.solver.ask(self.wanted)
@@ -437,11 +437,12 @@ class LiftWindow(Window):
         self._go_on_solved()
 
     def _go_on_solved(self):
-        if self._later is None or self.solver.busy or self._due < np.inf:
+        if not self._later or self.solver.busy or self._due < np.inf:
             return
-        write, self._later = self._later, None
+        later, self._later = self._later, []
         if self.solver.has(self.wanted):
-            self.guarded(write)
+            for write in later:
+                self.guarded(write)
         else:
             self.toasts.say("Nothing was written: the flight could not be solved with these settings.", "error")
 

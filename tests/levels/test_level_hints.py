@@ -260,6 +260,15 @@ class TestPaint:
         assert simulation.world.resource(Palette).named("graze--march--6of12") >= 0
         simulation.close()
 
+    def test_a_path_in_a_recording_is_not_compared_with_files_that_happen_to_be_here(self, tmp_path, monkeypatch):
+        file, path = shipped().path_between("graze", "march")
+        (tmp_path / "march.brush.toml").write_bytes(shipped().get("march").with_parameters(alignment_weight=0.2).source)
+        monkeypatch.chdir(tmp_path)
+        layer = tiles("brush", [3] * 100, opacity=0.5, properties=properties(blend="mix"))
+        document = level(tiles(), layer, objects("spawns", herd(brush="graze")))
+        library = shipped().with_files({file: path})
+        assert not read_level_files({"small.tmj": json.dumps(document).encode()}, library).warnings
+
 
 BANK = np.repeat([0, 200], 10).astype(np.uint8)[:, None].repeat(20, 1)  # up to the south
 RAMP = np.where(np.arange(20) < 5, np.linspace(0, 200, 20)[:, None], BANK).astype(np.uint8)

@@ -163,12 +163,14 @@ def test_what_is_kept_is_written_when_the_flight_that_is_wished_is_solved(window
     before = window.show.flight
     window.wish("flock", 5.0)
     window._export(wrote)
+    window._export(other := tmp_path / "other.csv")
     for _ in range(10):
         window.frame(0.05)
     assert not wrote.exists() and window.show.flight is before and window.solver.busy  # and the window goes on
     go.set()
     window.until_solved()
     assert read_flight(wrote).xyz == pytest.approx(solved(with_wish(window.wanted, flock=5.0)).xyz, abs=1e-5)
+    assert other.read_bytes() == wrote.read_bytes()
 
 
 def test_nothing_is_kept_of_a_flight_that_cannot_be_solved(window, tmp_path, monkeypatch):
