@@ -105,9 +105,13 @@ def refuse_foreign(paths, is_ours):
     ProblemsError
         With every file that is not.
     """
-    foreign = [path for path in map(Path, paths) if os.path.lexists(path) and not is_ours(path)]
-    if foreign:
-        raise ProblemsError([Problem(str(path), None, None, FOREIGN) for path in foreign])
+    if problems := foreign_problems(path for path in map(Path, paths) if not is_ours(path)):
+        raise ProblemsError(problems)
+
+
+def foreign_problems(paths) -> list[Problem]:
+    """A problem for each of these paths that is taken, by a file that is not ours."""
+    return [Problem(str(path), None, None, FOREIGN) for path in paths if os.path.lexists(path)]
 
 
 class Work:

@@ -6,6 +6,7 @@ import base64
 import html
 import re
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -57,8 +58,17 @@ dt { color: var(--muted); } dd { margin: 0; overflow-wrap: anywhere; }
                .beside { grid-template-columns: 1fr 1fr; } .beside.one { grid-template-columns: 1fr; }
                img, tr, pre.short, .checks, dl { break-inside: avoid; } p, h2, caption { break-after: avoid; } }
 """
+MADE_BY = '<meta name="generator" content="Flockbrush"/>'
 # marks before a sentence: limit met, limit missed, information
 MARKS = {True: ("✓", "good"), False: ("✗", "bad"), None: ("·", "quiet")}
+
+
+def is_report(path) -> bool:
+    """Whether a file is a page that Flockbrush made: all of them name the program."""
+    try:
+        return b"flockbrush" in Path(path).read_bytes().lower()
+    except OSError:
+        return False
 
 
 class ReportPage:
@@ -156,7 +166,7 @@ class ReportPage:
         body = "\n".join(parts)
         return (
             '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"/>'
-            '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
+            f'<meta name="viewport" content="width=device-width, initial-scale=1"/>{MADE_BY}'
             f"<title>{_safe(self.title)}</title><style>{STYLE}</style></head>\n<body>\n{body}\n</body></html>\n"
         )
 

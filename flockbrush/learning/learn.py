@@ -167,7 +167,8 @@ def _checked(wishes) -> list[Region]:
     inputs = [*wishes.clips, *(p for p in (looking.regions, looking.obstacles) if p)]
     problems = output_problems(outs, inputs)
     if wishes.report is not None:
-        problems += folder_problems(wishes.report) or drawing_problems(wishes.report)
+        parts = map(name_of, outs) if regions else ()
+        problems += folder_problems(wishes.report, parts) or drawing_problems(wishes.report)
     state = BrushTask(outs[0], []).state()
     if wishes.resume and not any(BrushTask(out, []).state().exists() for out in outs):
         missing = f"there is no interrupted learning of {name} to continue; leave out --resume"

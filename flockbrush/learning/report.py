@@ -22,6 +22,7 @@ from flockbrush.learning.learned_brush import sentence
 from flockbrush.learning.learning_charts import ORDER, is_told, panels_of
 from flockbrush.learning.model_choice import add_models
 from flockbrush.learning.model_choice import as_json as models_as_json
+from flockbrush.learning.report_folder import FIGURES, MOMENTS, OWN, PAGE
 from flockbrush.learning.report_judgement import add_judgement, judgement_as_json
 from flockbrush.learning.report_parameters import add_parameters
 from flockbrush.learning.result import KEPT, Findings
@@ -31,7 +32,6 @@ from flockbrush.render import write_png
 from flockbrush.render.style import theme_of
 from flockbrush.runs.terminal import finite, measure, number
 
-OWN = "order", "errors", "crowd", "neighbours", "parameters", "loss"  # pictures of a report, besides its moments
 ON_PAGE = replace(theme_of("light"), paper=(255, 255, 255))
 SCALE = 2  # pixels of a chart to one of the page: sharp on paper
 SEARCHED = 10  # starts in the table, the best first
@@ -85,15 +85,15 @@ def write_report(findings: Findings, folder, helpers: Helpers | None = None) -> 
     charts = {name: [(panel, next(drawings)) for panel in some] for name, some in panels.items()}
     pictures = {f"moment-{k + 1}": image for k, image in enumerate(findings.moments)}
     pictures |= {name: _sheet([drawing for _, drawing in some]) for name, some in charts.items()}
-    for name in {*OWN, *(f"moment-{k}" for k in range(1, 10))} - pictures.keys():  # of a report that was here before
+    for name in {*OWN, *MOMENTS} - pictures.keys():  # of a report that was here before
         (folder / f"{name}.png").unlink(missing_ok=True)
-    written = [folder / "report.html"]
+    written = [folder / PAGE]
     write_text(written[0], page_of(findings, charts).text())
     for name, image in pictures.items():
         written.append(folder / f"{name}.png")
         with whole(written[-1]) as temporary:
             write_png(temporary, image)
-    written.append(folder / "figures.json")
+    written.append(folder / FIGURES)
     write_text(written[-1], json.dumps(finite(as_json(findings)), indent=1, ensure_ascii=False) + "\n")
     return written
 
@@ -446,7 +446,7 @@ def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:
     if command:
         page.head("Command")
         page.lines(command)
-    path = Path(folder) / "report.html"
+    path = Path(folder) / PAGE
     write_text(path, page.text())
     return path
 
@@ -464,7 +464,7 @@ def write_overview(folder, clip, mask, found: list[Findings]) -> Path:
             page.pictures(
                 list(zip(halves_of(f.moments[len(f.moments) // 2]), told, strict=True)), f.brush.name, photograph=True
             )
-    path = Path(folder) / "report.html"
+    path = Path(folder) / PAGE
     write_text(path, page.text())
     return path
 

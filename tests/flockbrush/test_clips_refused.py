@@ -116,3 +116,17 @@ def test_one_frame_of_a_film_is_a_photograph(cli, clips, tmp_path):
     assert "not their motion" in done.err
     with np.load(tmp_path / "one.npz") as seen:
         assert seen["fields.density"].shape[0] == 1
+
+
+def test_a_report_takes_no_place_of_other_files(cli, clips, tmp_path):
+    """Pictures of earlier reports are replaced or removed; those of somebody else stay, and nothing is begun."""
+    report = tmp_path / "report"
+    report.mkdir()
+    (report / "loss.png").write_bytes(b"mine")
+    command = "learn", clips / "empty.mp4", "--out", tmp_path / "x.brush.toml", "--report", report
+    done = cli(*command)
+    assert done.code == 1 and "loss.png: would be replaced, but was not written by Flockbrush" in done.err
+    assert [path.name for path in report.iterdir()] == ["loss.png"]
+    (report / "loss.png").rename(report / "notes.png")
+    assert "is empty (0 bytes)" in cli(*command).err and "is empty (0 bytes)" in cli(*command).err
+    assert {path.name for path in report.iterdir()} == {"notes.png", "report.html"}
