@@ -8,8 +8,9 @@ learned as ``flockbrush learn`` does it.  Its herd starts as the last frame was 
 the model itself with other random numbers.  The herd *moves alike* if polarization and milling agree within .1 and the
 distance to the nearest neighbour within 10 %, as means over the last 15 s and `FUTURES` runs of both: the limits of
 ``truth``.  The verdict is *right* if it is "moves like the film" for a herd that moves alike and another sentence for
-one that does not; "cannot be told" is right if the model itself is beyond the limits.  Beside each stands the floor:
-`FUTURES` further runs of the model in the place of the herd (``--floor`` learns nothing and tells this alone).
+one that does not; "cannot be told" is right if the model itself is beyond the limits.  Beside each stand two floors in
+the place of the herd: `FUTURES` further runs of the model, and the model in the frames of the clip, which is what a
+herd comes to that stays as it was filmed (``--floor`` learns nothing and tells these alone).
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from benchmarks.unseen_herds import UNSEEN
 
 RESULTS = Path(__file__).resolve().parent / "learning_foreign.json"
 SEED, FUTURES = 41, 4
+FLOORS = ("model against itself", "floor"), ("model as in its clip", "filmed")
 
 
 def add(commands):
@@ -77,16 +79,17 @@ def of_clip(name, options):
         except ProblemsError as refusal:
             return {"kind": "refused", "sentence": str(refusal), "alike": False, "right": False}
     learned = found.learned
-    model, floor = futures(name, clip, film, options)
+    model, floor, filmed = *futures(name, clip, film, options), as_filmed(clip, film)
     told = learned.params, learned.speed, learned.body, learned.vision
     herds = [fresh(None, clip, *told, 300 + seed) for seed in range(FUTURES)]
     mine = _means(herds)
-    alike, steady = (judged(which, model)["kept"] for which in (mine, floor))
+    alike, steady, same = (judged(which, model)["kept"] for which in (mine, floor, filmed))
     kind = "untold" if found.judgement is None else found.judgement.kind
     return {
         "kind": kind, "learned as": learned.kind, "sentence": found.verdict(), "alike": alike, "floor": steady,
-        "right": not steady if kind == "untold" else (kind == "like") == alike,
-        "model": model, "model again": floor, "herd": mine, "seen one by one": clip.sightings is not None,
+        "filmed": same, "right": not steady if kind == "untold" else (kind == "like") == alike,
+        "model": model, "model again": floor, "model in the clip": filmed, "herd": mine,
+        "seen one by one": clip.sightings is not None,
         "seconds": round(time.perf_counter() - begun),
     }  # fmt: skip
 
@@ -106,8 +109,17 @@ def futures(name, clip, film, options):
     return _means(runs[:FUTURES]), _means(runs[FUTURES:])
 
 
+def as_filmed(clip, film):
+    """Return the means of the model over the frames of its clip."""
+    from learning_halves import run_of
+    from learning_truth import measures_of_run
+
+    run = run_of(film.seen_from(0, clip.body_length_px))
+    return _means([measures_of_run(run, range(0, len(clip.fields), 5))])
+
+
 def floors(options):
-    """Print whether the models move as in other runs of theirs; learn nothing."""
+    """Print whether the models move as in other runs of theirs, and as in their clips; learn nothing."""
     from learning_halves import evidence_of_clip
     from learning_truth import judged
 
@@ -115,10 +127,13 @@ def floors(options):
     for name in options.clips:
         with tempfile.TemporaryDirectory() as folder:
             clip, film = evidence_of_clip(name, options, folder)
-            model, again = futures(name, clip, film, options)
-        rows.append({"clip": name, "model": model, "model again": again, "floor": judged(again, model)["kept"]})
+            model, again, filmed = *futures(name, clip, film, options), as_filmed(clip, film)
+        same, still = judged(again, model)["kept"], judged(filmed, model)["kept"]
+        told = {"model": model, "model again": again, "model in the clip": filmed, "floor": same, "filmed": still}
+        rows.append({"clip": name} | told)
         print(f"{name}: {json.dumps(rows[-1])}", flush=True)
-    print(f"model against itself: {sum(row['floor'] for row in rows)} of {len(rows)}")
+    for what, key in FLOORS:
+        print(f"{what}: {sum(row[key] for row in rows)} of {len(rows)}")
     return rows
 
 
@@ -135,6 +150,6 @@ def table(rows):
         cells = [f"{row['model'][n]:.2f} / {row['herd'][n]:.2f}" for n in names] if "herd" in row else ["-"] * 3
         cells += ["yes" if row["alike"] else "no", row["sentence"], "yes" if row["right"] else "no"]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    for what, key in (("moves alike", "alike"), ("verdict right", "right"), ("model against itself", "floor")):
+    for what, key in (("moves alike", "alike"), ("verdict right", "right"), *FLOORS):
         lines.append(f"\n{what}: {sum(bool(row.get(key)) for row in rows.values())} of {len(rows)}")
     return "\n".join(lines)

@@ -142,11 +142,11 @@ def _as_blobs(clip, rng):
     return dataclasses.replace(clip, sightings=sightings, speed=known, **noises)
 
 
-def measures_of_run(run):
-    """Return polarization, milling and distance to the nearest neighbour, means from `SINCE` on."""
+def measures_of_run(run, looks=None):
+    """Return polarization, milling and distance to the nearest neighbour, means from `SINCE` on, or at these looks."""
     from flockbrush.systems.measures import compute_milling, compute_nnd, compute_polarization
 
-    rows = [run.of(t) for t in range(round(SINCE * FPS), len(run), 5)]
+    rows = [run.of(t) for t in (range(round(SINCE * FPS), len(run), 5) if looks is None else looks)]
     return {
         "polarization": float(np.mean([compute_polarization(run.forward[r]) for r in rows])),
         "milling": float(np.mean([compute_milling(run.xy[r], run.forward[r]) for r in rows])),
