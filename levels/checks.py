@@ -50,9 +50,7 @@ class _Checks:
         self.level, self.objects, self.library = level, objects, library
         self.fauna = getattr(library, "species", None) or shipped_species()
         self.commands = registered() if commands is None and level.script else commands
-
-    def place(self, thing):
-        return self.objects.places[thing.id]
+        self.place = objects.place
 
     def all(self):
         self.on_the_map()
@@ -167,16 +165,14 @@ class _Checks:
         """Whom zones and layers bind must be a species or a tag of one."""
         known = set(self.fauna.names()) | {spawn.species for spawn in self.level.spawns}
         known |= {tag for name in self.fauna.names() for tag in self.fauna.get(name).tags}
-        report = self.objects.reader
-        for thing in [*self.level.zones, *self.level.brush_layers]:
-            place = self.place(thing) if thing in self.level.zones else report.place
-            named = f"{thing.name!r}: " if thing.name else ""
+        painted = zip(self.level.brush_layers, self.objects.reader.paint_places, strict=True)
+        for thing, place in [*((zone, self.place(zone)) for zone in self.level.zones), *painted]:
             for name in thing.bounds.species:
                 if name not in known:
-                    place.say(f"{named}species: there is no species or tag {name!r}{did_you_mean(name, known)}")
+                    place.say(f"species: there is no species or tag {name!r}{did_you_mean(name, known)}")
             if thing.bounds.z_min >= thing.bounds.z_max:
                 low, high = thing.bounds.z_min, thing.bounds.z_max
-                place.say(f"{named}z_min must be below z_max, got {low:g} and {high:g}")
+                place.say(f"z_min must be below z_max, got {low:g} and {high:g}")
 
     def free(self, spawn):
         """Share of the spawn's area where an animal can stand."""

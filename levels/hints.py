@@ -55,26 +55,23 @@ def paint_hints(thing, place, library):
             )
 
 
-def mixing_hints(level, places, library, place):
+def mixing_hints(level, places, library):
     """Warn about paint of part weight whose brush is of another model than the herd's, or that nobody has measured.
 
     Parameters
     ----------
-    places : dict of int to Place
-        By the id of a zone.
+    places : sequence of Place
+        Of the brush layers, then of the zones.
     library : BrushLibrary
-    place : Place
-        Of the map, for layers.
     """
-    for thing in [*level.brush_layers, *level.zones]:
+    for thing, here in zip([*level.brush_layers, *level.zones], places, strict=True):
         if thing.bounds.blend != "mix":
             continue
-        here = places[thing.id] if hasattr(thing, "polygon") else place
         for start in sorted({spawn.brush for spawn in level.spawns}):
             for end in getattr(thing, "assets", [getattr(thing, "brush", None)]):
                 hint = "" if end in (None, start) else _mixing_hint(library, start, end)
                 if hint:
-                    here.warn(f"{thing.name!r}: {hint}")
+                    here.warn(hint)
 
 
 def _mixing_hint(library, start, end):

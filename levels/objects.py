@@ -42,6 +42,10 @@ class ObjectReader:
         self.key_shapes: dict[int, tuple[str, np.ndarray]] = {}
         self.vertices = 0
 
+    def place(self, thing):
+        """Where a thing of the level stands in the file."""
+        return self.places[thing.id]
+
     def layer(self, layer, kind):
         """Every object of one layer."""
         nodes = layer.node.get("objects", [])

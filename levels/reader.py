@@ -169,8 +169,8 @@ class LevelReader:
             event_hints(level, self.objects.places)
             script_hints(level, self.objects.places)
             for zone in level.zones:
-                paint_hints(zone, self.objects.places[zone.id], self.library)
-            mixing_hints(level, self.objects.places, self.library, place)
+                paint_hints(zone, self.objects.place(zone), self.library)
+            mixing_hints(level, [*self.paint_places, *map(self.objects.place, level.zones)], self.library)
             fauna = getattr(self.library, "species", None) or shipped_species()
             slope_hints(level, self.objects.places, self.library, fauna)
             species_hints(level, self.objects.places, fauna)
@@ -202,6 +202,7 @@ class LevelReader:
         objects = self.objects = ObjectReader(self, frame, level)
         self.known = {}  # terrain kinds by tile id
         self.painted = None  # cells of terrain layers
+        self.paint_places = []  # of the brush layers
         for layer in layers:
             kind = kind_of(layer.name)
             if kind is None and layer.kind != "objectgroup":
@@ -230,6 +231,7 @@ class LevelReader:
             self.paint_terrain(level, gids, used, layer)
         elif cls == "Brush":
             level.brush_layers.append(self.brush_layer(gids, used, layer))
+            self.paint_places.append(layer.place)
         else:
             self.paint_speed(level, gids, used, frame)
 

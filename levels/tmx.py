@@ -153,11 +153,14 @@ def _property(element):
     if kind == "class":
         inner = element.first("properties")
         members = [_property(one) for one in inner.all("property")] if inner else []
+        nameless = next((member.line for member in members if "name" not in member), None)
+        if nameless is not None:
+            raise JsonError(f"{_called(element)} has a member without a name", nameless)
         node["value"] = Node({member["name"]: member["value"] for member in members})
         node["value"].line = element.line
         return node
     text = element.attributes.get("value", element.text)
-    name = f"property {element.attributes.get('name', '')[:40]!r}"
+    name = _called(element)
     if kind in ("int", "float", "object"):
         node["value"] = _number(text, element.line, name)
     elif kind == "bool":
@@ -169,6 +172,11 @@ def _property(element):
     else:
         raise JsonError(f"{name} has the type {kind[:40]!r}; types are {', '.join(sorted(_TYPES))}", element.line)
     return node
+
+
+def _called(element):
+    """A property, for messages."""
+    return f"property {element.attributes.get('name', '')[:40]!r}"
 
 
 # ---------------------------------------------------------------- maps

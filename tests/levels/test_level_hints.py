@@ -1,6 +1,7 @@
 """What is allowed in a level and rarely meant is a warning, with the object it is about."""
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,7 +14,20 @@ from flockbrush.levels.hints import mixing_hints
 from flockbrush.levels.reader import read_level_files
 from flockbrush.levels.schema import BrushLayer, PaintBounds
 from flockbrush.systems.palette import Palette
-from small_level import herd, level, objects, png, polyline, problems, properties, read, thing, tiles, with_objects
+from small_level import (
+    herd,
+    level,
+    objects,
+    png,
+    polyline,
+    problem,
+    problems,
+    properties,
+    read,
+    thing,
+    tiles,
+    with_objects,
+)
 
 
 def warnings(document):
@@ -217,7 +231,23 @@ class TestPaint:
         (made,) = found.brush_layers
         assert (made.bounds.blend, made.bounds.edge, made.weight, made.plain) == ("mix", 4.0, 0.5, False)
         assert len(found.warnings) == 1
-        assert "there is no measured path from 'graze' to 'march'" in str(found.warnings[0])
+        said = "layer 'brush': warning: there is no measured path from 'graze' to 'march'"
+        assert re.match(r"small\.tmj:\d{3}: " + said, str(found.warnings[0]))
+
+    @pytest.mark.parametrize(
+        ("values", "said"),
+        [
+            ({"species": "sheeep"}, "species: there is no species or tag 'sheeep'; did you mean 'sheep'?"),
+            ({"z_min": 5.0, "z_max": 5.0}, "z_min must be below z_max, got 5 and 5"),
+        ],
+    )
+    def test_what_is_wrong_with_whom_paint_binds_is_told_with_its_layer_or_zone(self, values, said):
+        layer = tiles("brush", [3] * 100, properties=properties(**values))
+        found = problem(level(tiles(), layer, objects("spawns", herd())))
+        assert re.match(rf"small\.tmj:\d{{3}}: layer 'brush': {re.escape(said)}", found)
+        zone = thing(2, "Zone", 16, 16, 64, 64, "pond", brush="graze", **values)
+        found = problem(with_objects("zones", zone))
+        assert re.match(rf"small\.tmj:\d{{3}}: object 2 'pond' in layer 'zones': {re.escape(said)}", found)
 
     @pytest.mark.parametrize(
         ("values", "blend"),
@@ -242,7 +272,7 @@ class TestPaint:
         mixing = BrushLayer("brush", 0.5, ["march"], np.zeros((2, 2), int), PaintBounds(blend="mix"))
         told = []
         made = SimpleNamespace(brush_layers=[mixing], zones=[], spawns=pairs)
-        mixing_hints(made, {}, library, SimpleNamespace(warn=told.append))
+        mixing_hints(made, [SimpleNamespace(warn=told.append)], library)
         assert len(told) == (said is not None) and all(said in words for words in told)
 
     def test_a_path_that_was_measured_with_another_brush_is_named(self, tmp_path):

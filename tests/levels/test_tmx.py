@@ -164,6 +164,12 @@ BOMB = '<!DOCTYPE map [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><map>&b;</m
             "property 'species' has the type 'list'; types are bool, class, color, file, float, int, object, string",
             1,
         ),
+        (
+            '<map><properties><property name="own" type="class"><properties>\n<property value="1"/>'
+            "</properties></property></properties></map>",
+            "property 'own' has a member without a name",
+            2,
+        ),
         ('<map width="4_0"/>', "width must be a number, got '4_0'", 1),
         ('<map width="1e999"/>', "width must be a finite number, got '1e999'", 1),
         (
