@@ -7,8 +7,8 @@ import posixpath
 import numpy as np
 from flockbrush.levels import schema
 from flockbrush.levels.art import Art, ArtLayer, ArtObject, TilePictures
-from flockbrush.levels.checked_nodes import real, text, whole
-from flockbrush.levels.ground_rules import GroundRules, dicts, facts_of
+from flockbrush.levels.checked_nodes import dicts, real, text, whole
+from flockbrush.levels.ground_rules import GroundRules, facts_of
 from flockbrush.levels.level_files import FileRefused
 from flockbrush.levels.terrain_kinds import Terrain, TerrainKind
 from flockbrush.levels.tile_data import FLIP_FLAGS

@@ -80,3 +80,9 @@ def text(node, key, place, default=""):
 def class_of(node, place):
     """Tiled 1.8 and 1.10 say ``type``, 1.9 says ``class``."""
     return text(node, "class", place) or text(node, "type", place)
+
+
+def dicts(node, key):
+    """The objects in a list of a document, which may be anything."""
+    value = node.get(key)
+    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []

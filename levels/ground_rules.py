@@ -19,6 +19,7 @@ from collections import Counter
 
 from flockbrush.engine import limits
 from flockbrush.engine.problems import did_you_mean
+from flockbrush.levels.checked_nodes import dicts
 from flockbrush.levels.properties import Refused, convert
 from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.terrain_kinds import TERRAINS
@@ -105,12 +106,6 @@ class TileFacts:
         self.cls = class_of(node)
         self.properties = {p["name"]: p.get("value") for p in dicts(node, "properties") if "name" in p}
         self.collides = collides(node)
-
-
-def dicts(node, key):
-    """The objects in a list of a document, which may be anything."""
-    value = node.get(key)
-    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
 
 
 def class_of(node):

@@ -192,6 +192,14 @@ def test_what_no_tileset_has_becomes_a_tile_of_the_playground_once():
     read(edit)
 
 
+def test_new_tiles_begin_behind_the_gaps_of_a_collection_of_pictures():
+    edit, gaps = editor(), {"firstgid": 6, "name": "things", "tilecount": 1, "columns": 0, "tiles": [{"id": 4}]}
+    edit.document.data["tilesets"].append(gaps)
+    edit = Editor(Document(json.loads(edit.text()), "small.tmj"), shipped())
+    done(edit, Paint("cap", 0.35, 3.0, 5.0, 9.0, 5.0, 1.0))
+    assert edit.document.data["tilesets"][-1]["firstgid"] == 11
+
+
 def test_a_tileset_that_came_behind_the_playground_is_not_run_into():
     edit = editor()
     done(edit, Paint("cap", 0.35, 3.0, 5.0, 9.0, 5.0, 1.0))

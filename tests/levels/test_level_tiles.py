@@ -153,6 +153,15 @@ class TestTiles:
         document["tilesets"] = [grown, {"firstgid": 6, **speeds}]
         assert read(document).cap.values.max() == 1.5
 
+    def test_a_collection_of_pictures_may_have_gaps_in_its_ids(self):
+        meaning = tileset()["tiles"][3]
+        gaps = {"name": "things", "tilecount": 2, "columns": 0, "tiles": [meaning | {"id": 0}, meaning | {"id": 5}]}
+        document = level(tiles(), tiles("speed", [11] * 100), objects("spawns", herd()))
+        document["tilesets"].append({"firstgid": 6, **gaps})
+        assert read(document).cap.values.max() == 1.5
+        document["tilesets"][1]["columns"] = 2
+        assert "'id' must be a whole number from 0 to 1, got 5" in problems(document)[0]
+
 
 def test_two_tilesets_that_begin_at_the_same_tile_are_told_for_the_map():
     document = level(tiles(), objects("spawns", herd()))
