@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from flockbrush.engine import limits, picture_decoding
+from flockbrush.levels import geometry
 from flockbrush.levels.tile_data import FLIP_FLAGS
 
 _ACROSS, _DOWN, _DIAGONAL = 0x80000000, 0x40000000, 0x20000000
@@ -30,6 +31,7 @@ class ArtObject:
     width: float
     height: float
     rotation: float
+    origin: tuple[float, float]  # its place on its picture, shares of width and height
 
 
 @dataclass
@@ -42,7 +44,7 @@ class ArtLayer:
     dy: float
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
     gids: np.ndarray | None = None  # (ny, nx) uint32, optional; with their flip flags, north row first
-    objects: list[ArtObject] = field(default_factory=list)
+    objects: list[ArtObject] = field(default_factory=list)  # the lowest first
     image: str = ""  # file of an image layer
     transparent: str = ""  # "#rrggbb" of the image that is not drawn
 
@@ -142,7 +144,7 @@ class Art:
         for layer in self.layers:
             if layer.gids is not None:
                 self._lay_tiles(canvas, layer)
-            for thing in sorted(layer.objects, key=lambda one: one.y):
+            for thing in layer.objects:
                 self._lay_object(canvas, layer, thing)
             if layer.image:
                 self._lay_image(canvas, layer)
@@ -233,7 +235,8 @@ class Art:
         picture, turned = tile[0], math.radians(thing.rotation)
         c, s = math.cos(turned), math.sin(turned)
         kx, ky = wide / picture.shape[1], tall / picture.shape[0]
-        corners = np.array([[0, -tall], [wide, -tall], [wide, 0], [0, 0]]) @ np.array([[c, s], [-s, c]]) + (x, y)
+        shift = np.array([tile[1] * kx, tile[2] * ky]) * scale - np.array(thing.origin) * (wide, tall)
+        corners = (geometry.rectangle(wide, tall) + shift) @ np.array([[c, s], [-s, c]]) + (x, y)
         (left, top), (right, bottom) = np.floor(corners.min(0)), np.ceil(corners.max(0))
         size = int(right - left), int(bottom - top)
         if not (0 < size[0] <= canvas.shape[1] * 2 and 0 < size[1] <= canvas.shape[0] * 2):

@@ -5,16 +5,15 @@ from __future__ import annotations
 import posixpath
 
 import numpy as np
-from flockbrush.levels import schema
 from flockbrush.levels.art import Art, ArtLayer, ArtObject, TilePictures
 from flockbrush.levels.checked_nodes import dicts, real, text, whole
 from flockbrush.levels.ground_rules import GroundRules, facts_of
+from flockbrush.levels.layer_reader import is_note
 from flockbrush.levels.level_files import FileRefused
 from flockbrush.levels.terrain_kinds import Terrain, TerrainKind
 from flockbrush.levels.tile_data import FLIP_FLAGS
 
 _NO_FLAGS = np.uint32(~FLIP_FLAGS & 0xFFFFFFFF)
-_WHITE = (1.0, 1.0, 1.0)
 
 
 class ArtReader:
@@ -37,7 +36,7 @@ class ArtReader:
                 continue
             if art.gids is not None and self.rules.rules:
                 self._paint(level, art)
-            if not layer.hidden and not _is_note(layer.name):
+            if not layer.hidden and not is_note(layer.name):
                 drawn_layers.append(art)
                 used |= _tiles_of(art)
         if drawn_layers:
@@ -51,7 +50,7 @@ class ArtReader:
     # ------------------------------------------------------------ layers
 
     def _layer(self, layer):
-        look = layer.name, layer.opacity, layer.dx, layer.dy, _tint(layer.node.get("tintcolor"))
+        look = layer.name, layer.opacity, layer.dx, layer.dy, layer.tint
         shift = self.frame.left * self.frame.tile, self.frame.top * self.frame.tile
         if layer.kind == "tilelayer":
             (sx, dx), (sy, dy) = (divmod(shift, self.frame.tile) for shift in (layer.dx, layer.dy))
@@ -63,14 +62,17 @@ class ArtReader:
             colour = text(layer.node, "transparentcolor", layer.place)
             return ArtLayer(*look, image=name, transparent=colour) if self._read("", name, layer.place) else None
         things = [self._object(node, layer.place) for node in dicts(layer.node, "objects") if "gid" in node]
-        return ArtLayer(*look, objects=[thing for thing in things if thing is not None]) if things else None
+        things = [thing for thing in things if thing is not None]
+        if layer.node.get("draworder") != "index":
+            things.sort(key=lambda one: one.y)
+        return ArtLayer(*look, objects=things) if things else None
 
     def _object(self, node, place):
         gid = whole(node, "gid", place, 1, 2**32 - 1)
         if gid is None or node.get("visible") is False:
             return None
         numbers = (real(node, key, place) for key in ("x", "y", "width", "height", "rotation"))
-        return ArtObject(gid, *numbers)
+        return ArtObject(gid, *numbers, self.reader.tiles.origin(gid & int(_NO_FLAGS)))
 
     # ------------------------------------------------------------ pictures
 
@@ -132,16 +134,3 @@ def _tiles_of(art):
     """Global tile ids, without flags, that a layer draws."""
     gids = {thing.gid & int(_NO_FLAGS) for thing in art.objects}
     return gids if art.gids is None else gids | set(np.unique(art.gids[art.gids > 0] & _NO_FLAGS).tolist())
-
-
-def _is_note(name):
-    return name.rsplit("/", 1)[-1].strip().lower().startswith(schema.IGNORED[0])
-
-
-def _tint(colour):
-    """(red, green, blue), 0 to 1, of a tint such as #80ff0000."""
-    digits = colour[-6:] if isinstance(colour, str) and len(colour) in (7, 9) else ""
-    try:
-        return tuple(int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4))
-    except ValueError:
-        return _WHITE

@@ -13,6 +13,8 @@ from flockbrush.levels.json_lines import Node
 from flockbrush.levels.properties import FilePlace, shown
 from flockbrush.levels.tile_data import decode, unpack
 
+WHITE = (1.0, 1.0, 1.0)  # a tint that changes nothing
+
 
 @dataclass
 class ReadLayer:
@@ -26,6 +28,7 @@ class ReadLayer:
     opacity: float
     place: FilePlace
     hidden: bool = False  # it or a group around it
+    tint: tuple[float, ...] = WHITE
     pieces: list | None = None  # its unpacked tile data
     flags: bool = False  # whether flip flags of tiles are kept
 
@@ -57,8 +60,8 @@ class LayerReader:
         self.cells = 0  # tiles decoded so far, against the cap
         self.layers = 0
 
-    def walk(self, nodes, place, dx=0.0, dy=0.0, opacity=1.0, prefix="", hidden=False):
-        """Every layer, out of its groups, offsets and opacities added up."""
+    def walk(self, nodes, place, dx=0.0, dy=0.0, opacity=1.0, prefix="", hidden=False, tint=WHITE):
+        """Every layer, out of its groups, offsets, opacities and tints added up."""
         if not isinstance(nodes, list):
             place.say("'layers' must be a list")
             return
@@ -72,15 +75,16 @@ class LayerReader:
             strength = opacity * min(max(real(node, "opacity", layer_place, 1.0), 0.0), 1.0)
             kind = text(node, "type", layer_place)
             unseen = hidden or node.get("visible") is False
+            colour = tuple(a * b for a, b in zip(tint, _tint(node.get("tintcolor")), strict=True))
             if kind == "group":
-                yield from self.walk(node.get("layers"), layer_place, x, y, strength, name + "/", unseen)
+                yield from self.walk(node.get("layers"), layer_place, x, y, strength, name + "/", unseen, colour)
             elif kind in ("tilelayer", "objectgroup", "imagelayer"):
                 self.layers += 1
                 if self.layers > limits.LAYERS:
                     if self.layers == limits.LAYERS + 1:
                         layer_place.say(f"there are more than {limits.LAYERS} layers")
                     return
-                yield ReadLayer(node, kind, name, x, y, strength, layer_place, unseen)
+                yield ReadLayer(node, kind, name, x, y, strength, layer_place, unseen, colour)
             else:
                 layer_place.say(
                     f"the layer's type is {shown(kind)}; there are tilelayer, objectgroup, imagelayer, group"
@@ -202,25 +206,43 @@ class LayerReader:
         return whole
 
 
+def _tint(colour):
+    """(red, green, blue), 0 to 1, of a tint such as #80ff0000."""
+    digits = colour[-6:] if isinstance(colour, str) and len(colour) in (7, 9) else ""
+    try:
+        return tuple(int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4))
+    except ValueError:
+        return WHITE
+
+
 def split(layers):
     """(layers that are ours, the others).
 
     Where there is a group `schema.GROUP`, ours are those in it.  Otherwise those with our names are, and every object
-    layer; a tile or image layer with another name is artwork, unless it has a name like ours.
+    layer; a tile or image layer with another name is artwork, unless it has a name like ours.  Those that are the
+    designer's own by name are never ours.
     """
-    if any(layer.name.startswith(schema.GROUP + "/") for layer in layers):
-        return _parted(layers, lambda layer: layer.name.startswith(schema.GROUP + "/"))
-    return _parted(layers, lambda layer: layer.kind == "objectgroup" or _is_ours(layer.name))
+    grouped = any(layer.name.startswith(schema.GROUP + "/") for layer in layers)
+    ours, others = [], []
+    for layer in layers:
+        inside = layer.name.startswith(schema.GROUP + "/")
+        meant = inside if grouped else layer.kind == "objectgroup" or _is_ours(layer.name)
+        (ours if meant and not is_own(layer.name) else others).append(layer)
+    return ours, others
 
 
-def _parted(layers, ours):
-    return [layer for layer in layers if ours(layer)], [layer for layer in layers if not ours(layer)]
+def is_own(name):
+    """Whether a layer is the designer's own, by its name: notes, or decor that is drawn."""
+    return plain_name(name).startswith(schema.IGNORED)
+
+
+def is_note(name):
+    """Whether a layer is not even drawn."""
+    return plain_name(name).startswith(schema.IGNORED[0])
 
 
 def _is_ours(name):
     """Whether a layer has one of our names, or one so near that it must be meant."""
-    if plain_name(name).startswith(schema.IGNORED):
-        return False
     return kind_of(name) is not None or "did you mean" in did_you_mean(plain_name(name), schema.LAYER_NAMES)
 
 

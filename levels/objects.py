@@ -7,7 +7,7 @@ from flockbrush.components.level_things import FAR
 from flockbrush.engine import limits
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.solids import polyhedron
-from flockbrush.levels import geometry, schema
+from flockbrush.levels import geometry
 from flockbrush.levels.checked_nodes import class_of, real, text, whole
 from flockbrush.levels.properties import read_properties
 from flockbrush.levels.schema import (
@@ -78,19 +78,20 @@ class ObjectReader:
         if "template" in node:
             place.say("templates are not supported; detach the object (in Tiled: right click > Detach)")
             return
-        cls = self.class_of(node, kind, layer, place)
+        cls = self.class_of(node, kind, place)
         if cls is not None:
+            if node.get("visible") is False:
+                place.warn("is hidden in Tiled but still used; delete it, or move it to a layer 'notes ...'")
             shape = self.shape(node, layer, place)
             if shape is not None and self.takes(CLASSES[cls], shape, place):
                 getattr(self, cls.lower())(number, name, shape, read_properties(node, CLASSES[cls], place), place)
 
-    def class_of(self, node, kind, layer, place):
+    def class_of(self, node, kind, place):
         """The object's class, or the one its layer is for; None: not ours, or a problem."""
         cls = class_of(node, place)
         if cls in OBJECT_CLASSES:
             return cls
-        own = layer.name.rsplit("/", 1)[-1].strip().lower().startswith(schema.IGNORED)
-        if own or ("text" in node and not cls):
+        if "text" in node and not cls:
             return None
         if cls:
             place.say(f"there is no class {cls[:60]!r}{did_you_mean(cls, OBJECT_CLASSES)}")
@@ -169,11 +170,9 @@ class ObjectReader:
         """Tile objects stand on their bottom-left corner, unless their tileset says otherwise."""
         gid = whole(node, "gid", place, 1, 2**32 - 1)
         gid = (gid or 0) & 0x0FFFFFFF
-        tileset = self.reader.tiles.of(gid)
-        if tileset is None and not self.reader.tiles.lost:
+        if self.reader.tiles.of(gid) is None and not self.reader.tiles.lost:
             place.say(f"no tileset has tile id {gid}")
-        fx, fy = geometry.ALIGNMENTS[tileset.alignment if tileset else "unspecified"]
-        return np.array([fx * w, fy * h])
+        return np.array(self.reader.tiles.origin(gid)) * (w, h)
 
     def vertex_list(self, entries, key, place):
         if not isinstance(entries, list) or not entries or not all(isinstance(p, dict) for p in entries):

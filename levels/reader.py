@@ -1,8 +1,8 @@
 """Reading a level: from a .tmj file to a `Level`, or to everything that is wrong with it.
 
 An object's class decides what it is, whatever the layer; classless objects take the class of a layer named after one.
-Hidden layers count: the eye in Tiled is for the designer's view.  Layers called ``notes...`` or ``decor...`` are the
-designer's own.
+Hidden layers and objects count: the eye in Tiled is for the designer's view.  Layers called ``notes...`` or
+``decor...`` are the designer's own, with all that is on them.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ class LevelReader:
         level.programs = self.named_programs
         check_level(level, self.objects, self.library, self.commands)
         if not self.report.problems:
-            layer_hints(layer for layer in layers if not plain_name(layer.name).startswith(schema.IGNORED))
+            layer_hints(layers)
             level_hints(level, self.objects.places)
             program_hints(level, self.objects.places)
             event_hints(level, self.objects.places)

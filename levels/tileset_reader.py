@@ -126,6 +126,11 @@ class TilesetReader:
         tileset = next((t for t in reversed(self.tilesets) if t.firstgid <= gid), None)
         return tileset if tileset and gid - tileset.firstgid < tileset.count else None
 
+    def origin(self, gid):
+        """(x, y), where on its picture the place of an object of this tile is: shares of width and height."""
+        tileset = self.of(gid)
+        return geometry.ALIGNMENTS[tileset.alignment if tileset else "unspecified"]
+
     def _external(self, source, place):
         """(document, place) of a tileset in a file of its own."""
         try:

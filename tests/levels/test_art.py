@@ -118,6 +118,50 @@ def test_a_picture_that_reaches_over_the_edge_is_cut():
     assert ArtLayer("x", 1.0, 0, 0).gids is None
 
 
+class TestObjectsAndTints:
+    """The numbers are those of Tiled's own pictures."""
+
+    def drawn(self, *layers, **more):
+        picture = cv2.imencode(".png", np.full((16, 16, 4), (255, 255, 200, 255), np.uint8))[1].tobytes()
+        document = level(tiles(), objects("spawns", herd()), *layers)
+        own = {"name": "own", "image": "own.png", "columns": 1, "tilecount": 1, "tilewidth": 16, "tileheight": 16}
+        document["tilesets"].append({"firstgid": 6, **own, **more})
+        return read(document, {"own.png": picture}).art.picture
+
+    def decor(self, *things, **more):
+        things = [
+            {"id": 5 + k, "gid": 6, "x": 48, "y": 48, "width": 32, "height": 16, **o} for k, o in enumerate(things)
+        ]
+        return objects("decor of mine", *things, **more)
+
+    def box(self, picture):
+        rows, columns = np.nonzero(picture[:, :, 3] > 127)
+        return int(columns.min()), int(rows.min()), int(columns.max()), int(rows.max())
+
+    def test_the_tint_of_a_group_tints_its_layers(self):
+        layer = tiles("artwork", [6] * 100, tintcolor="#ff8000")
+        group = {"type": "group", "name": "g", "layers": [layer], "tintcolor": "#8040ff"}
+        assert self.drawn(group)[0, 0].tolist() == [0, 32, 100, 255]
+
+    @pytest.mark.parametrize(
+        ("alignment", "box"),
+        [("unspecified", (48, 32, 79, 47)), ("center", (32, 40, 63, 55)), ("topright", (16, 48, 47, 63))],
+    )
+    def test_an_object_stands_as_its_tileset_aligns_it(self, alignment, box):
+        assert self.box(self.drawn(self.decor({"rotation": 0}), objectalignment=alignment)) == box
+
+    def test_a_turned_object_is_shifted_with_its_tileset(self):
+        picture = self.drawn(self.decor({"rotation": 30}), objectalignment="center", tileoffset={"x": 4, "y": 2})
+        assert self.box(picture) == (36, 39, 70, 67)
+
+    @pytest.mark.parametrize(("order", "upper"), [("topdown", "own"), ("index", "wall")])
+    def test_objects_lie_in_the_order_of_their_layer(self, order, upper):
+        document = level(tiles(), objects("spawns", herd()), self.decor({"y": 64}, {"gid": 2}, draworder=order))
+        document["tilesets"].append({"firstgid": 6, "name": "own", "tilecount": 1, "columns": 1})
+        last = read(document).art.layers[0].objects[-1]
+        assert last.gid == {"own": 6, "wall": 2}[upper]
+
+
 class TestRules:
     def told(self, text, tiles_of, layer_name="houses", **more):
         document = level(tiles(layer_name, [6] * 50 + [7] * 50), objects("spawns", herd(count=1)))

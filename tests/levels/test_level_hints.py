@@ -195,6 +195,12 @@ class TestLayers:
         group = {"type": "group", "name": "all", "visible": False, "layers": [tiles(), objects("spawns", herd())]}
         assert [w.count("is hidden") for w in warnings(level(group))] == [1, 1]
 
+    def test_a_hidden_object_counts_and_is_named(self):
+        document = level(tiles(), objects("spawns", herd() | {"visible": False}))
+        assert (
+            "object 1 'herd A' in layer 'spawns': warning: is hidden in Tiled but still used" in warnings(document)[0]
+        )
+
     def test_the_designers_own_layers_may_be_hidden(self):
         document = with_objects("notes", thing(9, "", 0, 0), visible=False)
         assert warnings(document) == []

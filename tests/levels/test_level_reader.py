@@ -68,6 +68,15 @@ class TestDefaults:
         found = read(level(tiles(), objects("spawns", herd()), objects("notes", note), objects("obstacles", text)))
         assert len(found.spawns) == 1 and not found.obstacles
 
+    @pytest.mark.parametrize("name", ["notes old", "decor"])
+    def test_objects_of_a_class_on_such_layers_are_ignored_too(self, name):
+        old = objects(name, thing(2, "Spawn", 16, 16, 32, 32, brush="march", count=10))
+        assert len(read(level(tiles(), objects("spawns", herd()), old)).spawns) == 1
+        group = {"type": "group", "name": "flockbrush", "layers": [tiles(), objects("spawns", herd()), old]}
+        group["layers"].append(tiles("decor stones", [5] * 100))
+        found = read(level(group))
+        assert len(found.spawns) == 1 and [layer.name for layer in found.art.layers] == ["flockbrush/decor stones"]
+
     def test_unknown_classes_properties_and_layers_ask_did_you_mean(self):
         assert "there is no class 'Obstical'; did you mean 'Obstacle'?" in problem(
             with_objects("obstacles", thing(2, "Obstical", 16, 16, 32, 32))
