@@ -10,13 +10,19 @@ def is_class(entry, cls):
     return (entry.get("propertytype") or entry["name"]).lower() == cls.name.lower()
 
 
+def values_of(node, cls):
+    """{name: value} of the properties of a node of a class, also where one holds all of the class."""
+    values: dict = {}
+    for entry in node.get("properties", []):
+        whole = is_class(entry, cls) and isinstance(entry["value"], dict)
+        values |= entry["value"] if whole else {entry["name"]: entry["value"]}
+    return values
+
+
 def binds_some(node):
     """Whether a brush layer says whom it binds or how strongly: what is painted by hand belongs to none of those."""
-    cls, properties = CLASSES["BrushLayer"], {}
-    for entry in node.get("properties", []):
-        properties |= entry["value"] if is_class(entry, cls) and isinstance(entry["value"], dict) else {
-            entry["name"]: entry["value"]
-        }  # fmt: skip
+    cls = CLASSES["BrushLayer"]
+    properties = values_of(node, cls)
     return any(properties.get(one.name, one.default) != one.default for one in cls.properties)
 
 

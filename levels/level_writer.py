@@ -14,6 +14,7 @@ import numpy as np
 from flockbrush.engine import limits
 from flockbrush.engine.files import kept_beside, refused, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.levels.document_nodes import values_of
 from flockbrush.levels.json_lines import JsonError, parse
 from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.tile_data import decode
@@ -121,7 +122,7 @@ class Document:
         self.data = copy.deepcopy(data)
         self.path = Path(path)
         tile = self.data["tilewidth"]
-        properties = {p["name"]: p["value"] for p in self.data.get("properties", [])}
+        properties = values_of(self.data, CLASSES["FlockbrushLevel"])
         self.scale = tile / properties.get("metres_per_tile", 1)  # px per metre
         self.top = self.data["height"] * tile
 

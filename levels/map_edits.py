@@ -14,11 +14,10 @@ from functools import singledispatchmethod
 import numpy as np
 from flockbrush.levels import geometry
 from flockbrush.levels.document_changes import MISSING, EditError, KeySet, TilesPut, put
-from flockbrush.levels.document_nodes import binds_some, every_layer
+from flockbrush.levels.document_nodes import binds_some, every_layer, values_of
 from flockbrush.levels.layer_reader import kind_of
 from flockbrush.levels.level_files import DiskFiles
 from flockbrush.levels.map_objects import MapObjects
-from flockbrush.levels.object_outlines import outline_of
 from flockbrush.levels.playground_tiles import PlaygroundTiles
 from flockbrush.levels.schema import CLASSES, GROUP
 from flockbrush.levels.tile_data import FLIP_FLAGS, TileGrid
@@ -324,7 +323,7 @@ class EditedMap(MapObjects):
         if existing is not None and existing[0].get("name") != command.name:
             self.need_unnamed(existing[0].get("name"))
         if existing is not None and points is not None:
-            before, outline = outline_of(self.document, existing[0], *existing[2:])
+            before, outline = self.outline(existing[0], *existing[2:])
             if before == "area":
                 shape, points = before, outline + (points[0] - geometry.centroid(outline))
         if command.points:
@@ -336,7 +335,7 @@ class EditedMap(MapObjects):
         for thing, node, dx, dy in list(self.objects()):
             name = thing.get("name") or f"goal {thing.get('id')}"
             if name == command.goal and self.class_of(thing, node) == "Goal":
-                shape, outline = outline_of(self.document, thing, dx, dy)
+                shape, outline = self.outline(thing, dx, dy)
                 middle = geometry.centroid(outline) if shape == "area" else outline[0]
                 moved = outline + (np.array([command.x, command.y]) - middle)
                 self.draw(thing["id"], "Goal", thing.get("name", ""), shape, moved, {})
@@ -365,7 +364,7 @@ class EditedMap(MapObjects):
         existing, xy = self.known(command.id, "Key"), np.array([(command.x, command.y)])
         shape, points = "point", xy
         if existing is not None:
-            shape, outline = outline_of(self.document, existing[0], *existing[2:])
+            shape, outline = self.outline(existing[0], *existing[2:])
             points = outline + (xy - (geometry.centroid(outline) if shape == "area" else outline[0]))
         properties = {name: value for name, value in command.args.items() if not isinstance(value, list)}
         properties |= {"at": command.when, "command": command.command}
@@ -382,8 +381,7 @@ class EditedMap(MapObjects):
             "family_size": command.family_size,
         }  # fmt: skip
         existing = self.known(command.id, "Spawn")
-        given = {p["name"] for p in existing[0].get("properties", [])} if existing else set()
-        if "density" in given:
+        if existing is not None and "density" in values_of(existing[0], CLASSES["Spawn"]):
             properties["density"] = 0.0
         self.draw(command.id, "Spawn", command.name, "area", np.array(command.points, float), properties, command.at)
 

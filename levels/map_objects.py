@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from flockbrush.levels.document_changes import EditError
-from flockbrush.levels.document_nodes import is_class
-from flockbrush.levels.layer_reader import kind_of
-from flockbrush.levels.object_outlines import reshape, shape_as
+from flockbrush.levels.document_nodes import is_class, values_of
+from flockbrush.levels.layer_reader import is_own, kind_of
+from flockbrush.levels.object_outlines import outline_of, reshape, shape_as
 from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.tiled import project_member
 
@@ -22,9 +22,9 @@ class MapObjects:
         self._dropped: dict = {}  # (object, layer, dx, dy) by id and class
 
     def objects(self):
-        """(object, layer, dx, dy) of all."""
+        """(object, layer, dx, dy) of all, those on the designer's own layers left out."""
         for node, dx, dy, _ in self.layers():
-            for thing in node.get("objects", []):
+            for thing in node.get("objects", []) if not is_own(node.get("name", "")) else ():
                 yield thing, node, dx, dy
 
     def find(self, number, cls):
@@ -49,6 +49,10 @@ class MapObjects:
         own = thing.get("class") or thing.get("type")
         return own or next((c.name for c in CLASSES.values() if c.use == "object" and c.home == home), "")
 
+    def outline(self, thing, dx, dy):
+        """("area" | "line" | "point", (k, 2) m) of an object."""
+        return outline_of(self.document, thing, dx, dy, self.tiles.origin(thing.get("gid", 0)))
+
     def draw(self, number, cls, name, shape, points, properties, at=-1):
         """Add an object, or change the one with this id: its outline only if it is another; points None: as it is.
 
@@ -69,7 +73,7 @@ class MapObjects:
             old, node, dx, dy = existing
             thing = {**old, "name": name}
             if points is not None:
-                reshape(self.document, thing, shape, points, dx, dy)
+                reshape(self.document, thing, self.outline(thing, dx, dy), shape, points, dx, dy)
         self._tell(thing, CLASSES[cls], properties)
         self._replace(node, number, thing, cls, at)
         if number >= self.data.get("nextobjectid", 0):
@@ -133,7 +137,5 @@ class MapObjects:
     def need_unnamed(self, name):
         """EditError while the level's script names this goal."""
         for thing, node, _, _ in self.objects():
-            if self.class_of(thing, node) == "Key":
-                properties = {p["name"]: p["value"] for p in thing.get("properties", [])}
-                if properties.get("goal") == name:
-                    raise EditError(f"the script names goal {name!r} in object {thing['id']}; change that first")
+            if self.class_of(thing, node) == "Key" and values_of(thing, CLASSES["Key"]).get("goal") == name:
+                raise EditError(f"the script names goal {name!r} in object {thing['id']}; change that first")

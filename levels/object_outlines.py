@@ -8,9 +8,15 @@ from flockbrush.levels import geometry
 _SAME = 1e-6  # m
 
 
-def outline_of(document, thing, dx, dy):
-    """("area" | "line" | "point", (k, 2) m) of an object."""
-    kind, points = _drawn(thing)
+def outline_of(document, thing, dx, dy, origin):
+    """("area" | "line" | "point", (k, 2) m) of an object.
+
+    Parameters
+    ----------
+    origin : (float, float)
+        Where on its picture the place of an object with a tile is: shares of width and height.
+    """
+    kind, points = _drawn(thing, origin)
     points = geometry.turn(points, thing.get("rotation", 0)) + (thing.get("x", 0) + dx, thing.get("y", 0) + dy)
     scale = document.scale
     points = np.column_stack([points[:, 0] / scale, (document.top - points[:, 1]) / scale])
@@ -18,9 +24,9 @@ def outline_of(document, thing, dx, dy):
     return kind, geometry.counter_clockwise(points) if kind == "area" else points
 
 
-def reshape(document, thing, shape, points, dx, dy):
-    """Give an object an outline, (k, 2) m; what only moved keeps the form that Tiled gave it."""
-    kind, before = outline_of(document, thing, dx, dy)
+def reshape(document, thing, outline, shape, points, dx, dy):
+    """Give an object with an outline (`outline_of`) another, (k, 2) m; what only moved keeps the form of Tiled's."""
+    kind, before = outline
     points = np.asarray(points, float).reshape(-1, 2)
     if kind == shape and len(before) == len(points):
         shift = points - before
@@ -49,7 +55,7 @@ def shape_as(document, thing, shape, points, dx, dy):
     thing["polygon" if shape == "area" else "polyline"] = corners
 
 
-def _drawn(thing):
+def _drawn(thing, origin):
     """("area" | "line" | "point", (k, 2) px) of an object about its own origin."""
     w, h = thing.get("width", 0), thing.get("height", 0)
     if "polygon" in thing or "polyline" in thing:
@@ -61,4 +67,4 @@ def _drawn(thing):
         return "area", geometry.ellipse(w, h)
     if thing.get("capsule"):
         return "area", geometry.capsule(w, h)
-    return "area", geometry.rectangle(w, h) - (0, h if "gid" in thing else 0)
+    return "area", geometry.rectangle(w, h) - np.array(origin if "gid" in thing else (0, 0)) * (w, h)

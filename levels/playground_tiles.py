@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from flockbrush.engine import limits
 from flockbrush.engine.problems import ProblemsError, did_you_mean
+from flockbrush.levels import geometry
 from flockbrush.levels.document_changes import EditError
 from flockbrush.levels.json_lines import parse
 from flockbrush.levels.level_writer import dump
 from flockbrush.levels.properties import FilePlace, Report
 from flockbrush.levels.reader import LevelReader
 from flockbrush.levels.terrain_kinds import TERRAINS
+from flockbrush.levels.tile_data import FLIP_FLAGS
 from flockbrush.levels.tiled import class_tile
 from flockbrush.levels.tileset_reader import TilesetReader
 from flockbrush.levels.tilesets_data import COLUMNS, SPEEDS
@@ -43,12 +45,19 @@ class PlaygroundTiles:
             raise ProblemsError(report.problems)
         self.meaning: dict[int, tuple] = {}  # of a global tile id: ("brush", name), ("cap", (max_speed, factor)), ...
         self.ends = {t.firstgid: t.firstgid + t.count for t in tiles.tilesets}
+        self.origins = {t.firstgid: geometry.ALIGNMENTS[t.alignment] for t in tiles.tilesets}
         for tileset in tiles.tilesets:
             if not tileset.name.startswith(PLAYGROUND):
                 for number, tile in tileset.tiles.items():
                     meaning = _meaning(reader, tile)
                     if meaning is not None:
                         self.meaning[tileset.firstgid + number] = meaning
+
+    def origin(self, gid):
+        """(x, y), where on its picture the place of an object of this tile is: shares of width and height."""
+        number = gid & ~FLIP_FLAGS
+        first = max((first for first, end in self.ends.items() if first <= number < end), default=None)
+        return self.origins.get(first, geometry.ALIGNMENTS["unspecified"])
 
     def meanings(self):
         """{gid: meaning} of every tile there is now."""

@@ -98,5 +98,14 @@ def test_schemas_refuse_mistakes(name, change):
     assert list(jsonschema.Draft202012Validator(schema_of(path)).iter_errors(file))
 
 
+@pytest.mark.parametrize(("name", "fits"), [("seed", True), ("sede", False)])
+def test_the_schema_knows_properties_that_are_one_class(name, fits):
+    (path,) = [path for path in FILES if path.name == "meadow.tmj"]
+    file = content(path)
+    members = {one["name"]: one["value"] for one in file["properties"]} | {name: 3}
+    file["properties"] = [{"name": "level", "type": "class", "propertytype": "FlockbrushLevel", "value": members}]
+    assert (not list(jsonschema.Draft202012Validator(schema_of(path)).iter_errors(file))) == fits
+
+
 def spawn(level):
     return next(o for layer in level["layers"] for o in layer.get("objects", []) if o["type"] == "Spawn")

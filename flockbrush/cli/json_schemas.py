@@ -124,7 +124,7 @@ def _titled(schema, title, description):
 
 
 def _properties(cls: ObjectClass) -> Schema:
-    """Schema of the list of custom properties in Tiled: one item for each property of a class."""
+    """Schema of the list of custom properties in Tiled: one item for each property of a class, or one for all."""
     names: Schema = {"type": "string"} if cls.open else {"enum": [p.name for p in cls.properties]}
     item = {
         "type": "object",
@@ -138,9 +138,27 @@ def _properties(cls: ObjectClass) -> Schema:
             for p in cls.properties
         ],
     }
-    given = [{"contains": {"properties": {"name": {"const": p.name}}}} for p in cls.properties if p.required]
-    schema = {"type": "array", "description": cls.meaning, "items": item}
+    of_class = {"required": ["propertytype"], "properties": {"propertytype": {"const": cls.name}}}
+    members = {"type": "object", "properties": {p.name: _value(p) for p in cls.properties}}
+    whole = {
+        "type": "object",
+        "required": ["name", "value"],
+        "properties": {
+            "name": {"type": "string"},
+            "type": {"const": "class"},
+            "value": members if cls.open else members | {"additionalProperties": False},
+        },
+    }
+    given = [_contains(p.name, of_class) for p in cls.properties if p.required]
+    either = {"if": of_class, "then": whole, "else": item}
+    schema = {"type": "array", "description": cls.meaning, "items": either}
     return schema | ({"allOf": given} if given else {})
+
+
+def _contains(name, of_class):
+    """Schema of a list in which a property is given: by itself, or as a member of its class."""
+    member = of_class | {"properties": of_class["properties"] | {"value": {"required": [name]}}}
+    return {"contains": {"anyOf": [{"properties": {"name": {"const": name}}}, member]}}
 
 
 _TYPES = {  # of the kinds that are no texts

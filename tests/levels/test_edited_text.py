@@ -287,6 +287,35 @@ def test_what_a_designer_drew_keeps_its_shape_and_what_we_do_not_know():
     np.testing.assert_allclose(read(edit).obstacles[0].polygon, moved[:5])
 
 
+@pytest.mark.parametrize(("alignment", "south"), [("center", 9.0), ("topleft", 8.0), ("unspecified", 10.0)])
+def test_a_tile_that_stands_as_an_object_moves_from_where_its_tileset_puts_it(alignment, south):
+    pond = thing(5, "Obstacle", 32, 80, 32, 16, "pond", {"gid": 6})
+    edit = editor(tiles(), objects("spawns", herd()), objects("obstacles", pond))
+    own = {"firstgid": 6, "name": "own", "tilecount": 1, "columns": 1, "objectalignment": alignment}
+    edit.document.data["tilesets"].append(own)
+    edit = Editor(Document(json.loads(edit.text()), "small.tmj"), shipped())
+    found = read(edit).obstacles[0].polygon
+    assert found.min(0)[1] == south
+    done(edit, AddObstacle("pond", (found + (1.0, 0.0)).tolist(), True, True, 5))
+    assert edit.document.object(5)[0]["gid"] == 6
+    np.testing.assert_allclose(read(edit).obstacles[0].polygon, found + (1.0, 0.0))
+
+
+def test_an_edit_is_in_the_metres_of_a_map_whose_properties_are_one_class():
+    values = {"schema": "flockbrush-level/1", "metres_per_tile": 0.5}
+    edit = editor(properties=[{"name": "level", "type": "class", "propertytype": "FlockbrushLevel", "value": values}])
+    done(edit, PlaceGoal(5, "fold", 3.0, 1.5))
+    assert read(edit).goals[0].xy.tolist() == [3.0, 1.5]
+
+
+def test_objects_on_layers_of_notes_are_not_edited():
+    old = objects("notes old", thing(5, "Goal", 16, 16, name="fold", extra={"point": True}))
+    new = objects("goals", thing(6, "Goal", 32, 32, name="fold", extra={"point": True}))
+    edit = editor(tiles(), objects("spawns", herd()), old, new)
+    done(edit, MoveGoal("fold", 4.0, 6.0))
+    assert read(edit).goals[0].xy.tolist() == [4.0, 6.0] and edit.document.object(5)[0]["x"] == 16
+
+
 def test_an_area_goal_stays_an_area_when_it_moves():
     fold = thing(5, "Goal", 16, 16, 32, 32, "fold")
     edit = editor(tiles(), objects("spawns", herd()), objects("goals", fold))
@@ -323,6 +352,16 @@ def test_a_spawn_with_a_density_is_counted_once_it_is_edited():
     after = read(edit).spawns[0]
     assert (before.count, after.count, after.brush) == (16, 9, "graze")
     assert np.cos(after.heading) == pytest.approx(np.cos(-1.0))
+
+
+def test_a_density_among_the_members_of_a_class_is_counted_too():
+    pen = thing(1, "Spawn", 32, 32, 64, 64, "pen")
+    members = {"brush": "march", "density": 0.25}
+    pen["properties"] = [{"name": "Spawn", "type": "class", "propertytype": "Spawn", "value": members}]
+    edit = editor(tiles(), objects("spawns", pen))
+    found = read(edit).spawns[0]
+    done(edit, MarkSpawn(1, "pen", found.polygon.tolist(), "march", count=found.count + 1))
+    assert read(edit).spawns[0].count == found.count + 1
 
 
 def test_an_obstacle_without_an_id_is_in_no_file_and_by_name_all_of_it_go():
