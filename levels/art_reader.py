@@ -21,7 +21,7 @@ class ArtReader:
 
     def __init__(self, reader, frame, rules, place):
         self.reader, self.frame, self.place = reader, frame, place
-        self.rules = GroundRules(rules, lambda message: place.say(message))
+        self.rules = GroundRules(rules, place.say, [tileset.node for tileset in reader.tiles.tilesets])
         self.kinds: dict[str, TerrainKind] = {}  # those that rules make, by name
         self._facts: dict[int, object] = {}
         self._numbers: dict[str, int] = {}
@@ -29,6 +29,8 @@ class ArtReader:
     def read(self, level, layers):
         """Read layers, the lowest first; ours come after them."""
         drawn_layers, used = [], set()
+        for message in self.rules.unmatched([_last(one.name) for one in layers if one.kind == "tilelayer"]):
+            self.place.warn(message)
         for layer in layers:
             layer.flags = True
             art = self._layer(layer)
@@ -127,7 +129,12 @@ class ArtReader:
         if tileset.firstgid not in self._facts:
             self._facts[tileset.firstgid] = facts_of(tileset.node)
         facts = self._facts[tileset.firstgid](gid - tileset.firstgid)
-        return self.rules.ground(layer.rsplit("/", 1)[-1], facts)
+        return self.rules.ground(_last(layer), facts)
+
+
+def _last(name):
+    """The name of a layer without those of its groups."""
+    return name.rsplit("/", 1)[-1]
 
 
 def _tiles_of(art):

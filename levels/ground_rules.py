@@ -49,14 +49,16 @@ class GroundRules:
     text : str
     tell : function (message)
         Told of every line that is no rule, and once of every tile whose property gives a value that cannot be.
+    tilesets : sequence of documents
+        Of the map.
     """
 
-    def __init__(self, text, tell):
-        self.rules, self._tell, self._told = [], tell, set()
+    def __init__(self, text, tell, tilesets=()):
+        self.rules, self._tell, self._told, self._tilesets = [], tell, set(), tilesets
         for line in text.splitlines():
             if line.strip() and not line.strip().startswith("#"):
                 try:
-                    self.rules.append(_rule(line))
+                    self.rules.append(_rule(line, [tileset.get("name") for tileset in tilesets]))
                 except Refused as error:
                     tell(f"ground_rules: {line.strip()[:60]!r}: {error}")
         if len(self.rules) > limits.GROUND_RULES:
@@ -71,7 +73,7 @@ class GroundRules:
             Its name.
         facts : TileFacts
         """
-        for matches, ground, name in self.rules:
+        for matches, ground, name, _ in self.rules:
             rule = matches(layer, facts)
             if rule is None or rule is False:
                 continue
@@ -82,6 +84,20 @@ class GroundRules:
                 continue
             return {**{p.name: p.default for p in _TERRAIN.properties}, "name": name, **values}
         return None
+
+    def unmatched(self, layers):
+        """A message about each rule whose condition fits nothing in the map, with the name that is perhaps meant.
+
+        Parameters
+        ----------
+        layers : sequence of str
+            Names of the tile layers to which rules apply, without those of groups.
+        """
+        if not self.rules:
+            return []
+        there = _names_of(self._tilesets, layers)
+        told = [(condition, _why_nothing(condition, there, self._tilesets)) for *_, condition in self.rules]
+        return [f"ground_rules: {condition!r} matches nothing: {why}" for condition, why in told if why]
 
     def _value(self, key, value, of_tile):
         """The value of a ground, or the one that the property of a tile gives; Refused."""
@@ -142,17 +158,63 @@ def facts_of(tileset):
     return lambda number: TileFacts(name, number, nodes.get(number, {}), terrains.get(number, set()))
 
 
+# ---------------------------------------------------------------- what rules can name
+
+
+def _names_of(tilesets, layers):
+    """{kind of condition: names that it finds in a map}."""
+    tiles = [tile for tileset in tilesets for tile in dicts(tileset, "tiles")]
+    told = [entry for tile in tiles for entry in dicts(tile, "properties")]
+    colours = [colour for tileset in tilesets for one in dicts(tileset, "wangsets") for colour in dicts(one, "colors")]
+    return {
+        "class": [cls for cls in map(class_of, tiles) if cls],
+        "property": [str(entry.get("name")) for entry in told],
+        "value": [f"{entry.get('name')}:{str(entry.get('value')).lower()}" for entry in told],
+        "terrain": [str(colour.get("name")) for colour in colours],
+        "tileset": [str(tileset.get("name")) for tileset in tilesets],
+        "layer": list(layers),
+        "collision": [""] if any(map(collides, tiles)) else [],
+    }
+
+
+def _why_nothing(condition, there, tilesets):
+    """Why a condition fits nothing in a map, or ""."""
+    kind, rest = _parts(condition)
+    if kind == "collision":
+        return "" if there[kind] else "no tile has a collision shape"
+    name, value, numbers = rest, "", None
+    if kind == "tileset":
+        name, numbers = _name_and_ids(rest, there[kind])
+    elif kind == "property":
+        name, _, value = (part.strip() for part in rest.partition(":"))
+    known = there[kind] if kind in ("property", "tileset") else [one.lower() for one in there[kind]]
+    if (name if known is there[kind] else name.lower()) not in known:
+        return f"there is no {kind} {name[:60]!r}{did_you_mean(name, there[kind])}"
+    values = [pair.removeprefix(f"{name}:") for pair in there["value"] if pair.startswith(f"{name}:")]
+    if value and value.lower() not in values:
+        return f"no tile has the value {value[:60]!r}{did_you_mean(value, values)}"
+    if numbers is not None and not any(_has(tileset, name, numbers) for tileset in tilesets):
+        return f"tileset {name[:60]!r} has no such tile"
+    return ""
+
+
+def _has(tileset, name, numbers):
+    """Whether a tileset has this name and one of these tiles."""
+    ids = {tile.get("id") for tile in dicts(tileset, "tiles")}
+    return tileset.get("name") == name and any(k < tileset.get("tilecount", 0) or k in ids for k in numbers)
+
+
 # ---------------------------------------------------------------- reading a rule
 
 
-def _rule(line):
-    """(function (layer, facts) -> value or None, values of Terrain, name of the ground)."""
+def _rule(line, tilesets):
+    """(function (layer, facts) -> value or None, values of Terrain, name of the ground, its condition)."""
     condition, equals, ground = line.partition("=")
     if not equals:
         raise Refused("a rule is 'CONDITION = GROUND', such as 'class Water = deep water'")
     condition, ground = condition.strip(), ground.strip()
     values, name = _ground(ground, condition)
-    return _condition(condition), values, name
+    return _condition(condition, tilesets), values, name, condition
 
 
 def _ground(text, condition):
@@ -186,14 +248,19 @@ def _value(key, text, condition):
         raise Refused(f"{key} must be a number, got {text[:40]!r}") from None
 
 
-def _condition(text):
-    kind, _, rest = text.partition(" ")
-    rest = rest.strip()
+def _parts(condition):
+    """(kind of a condition, what it names)."""
+    kind, _, rest = condition.partition(" ")
+    return kind, rest.strip()
+
+
+def _condition(text, tilesets):
+    kind, rest = _parts(text)
     if kind not in CONDITIONS:
         raise Refused(f"there is no condition {kind[:40]!r}{did_you_mean(kind, CONDITIONS)}")
     if not rest and kind != "collision":
         raise Refused(f"{kind} needs a name, such as '{kind} Water'")
-    return _MATCHES[kind](rest)
+    return _by_tileset(rest, tilesets) if kind == "tileset" else _MATCHES[kind](rest)
 
 
 def _by_property(rest):
@@ -208,10 +275,16 @@ def _by_property(rest):
     return matches
 
 
-def _by_tileset(rest):
-    ids = _IDS.search(rest)
-    name = rest[: ids.start()].strip() if ids else rest
-    wanted = None if ids is None else set().union(*map(_span, re.findall(r"\d+(?:-\d+)?", ids[1])))
+def _name_and_ids(rest, tilesets):
+    """(name of a tileset, numbers of its tiles or None for all); a name that there is may end in a number."""
+    ids = None if rest in tilesets else _IDS.search(rest)
+    if ids is None:
+        return rest, None
+    return rest[: ids.start()].strip(), set().union(*map(_span, re.findall(r"\d+(?:-\d+)?", ids[1])))
+
+
+def _by_tileset(rest, tilesets):
+    name, wanted = _name_and_ids(rest, tilesets)
     return lambda layer, facts: facts.tileset == name and (wanted is None or facts.number in wanted)
 
 
@@ -227,7 +300,6 @@ _MATCHES = {
     "class": lambda rest: lambda layer, facts: facts.cls.lower() == rest.lower(),
     "property": _by_property,
     "terrain": lambda rest: lambda layer, facts: rest.lower() in facts.terrains,
-    "tileset": _by_tileset,
     "layer": lambda rest: lambda layer, facts: layer.lower() == rest.lower(),
     "collision": lambda rest: lambda layer, facts: facts.collides,
 }
@@ -255,18 +327,18 @@ def suggested(tilesets, layers) -> list[str]:
     rules += [
         f"layer {name} = {_WORDS[_first_word(name)]}" for name in sorted(base_names) if _is_solid(_first_word(name))
     ]
-    return [rule for rule in dict.fromkeys(rules) if _fits(rule, tilesets)][: limits.GROUND_RULES]
+    return [rule for rule in dict.fromkeys(rules) if _fits(rule, tilesets, base_names)][: limits.GROUND_RULES]
 
 
-def _fits(rule, tilesets):
-    """Whether a rule can be read, and the property that it takes a value from fits in all tiles."""
+def _fits(rule, tilesets, layers):
+    """Whether a rule can be read and matches something, and the property that it takes a value from fits in all."""
     told: list[str] = []
-    rules = GroundRules(rule, told.append)
+    rules = GroundRules(rule, told.append, tilesets)
     for tileset in tilesets if rule.endswith(f"={OF_PROPERTY}") else ():
         facts = facts_of(tileset)
         for node in dicts(tileset, "tiles"):
             rules.ground("", facts(node.get("id")))
-    return not told
+    return not told and not rules.unmatched(layers)
 
 
 def _of_tiles(tileset):

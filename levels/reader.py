@@ -154,7 +154,8 @@ class LevelReader:
             boundary=values["boundary"],
             seed=values["seed"],
         )
-        artist = ArtReader(self, frame, values["ground_rules"], place)
+        rules = FilePlace(self.report, place.file, values.lines.get("ground_rules", place.line), place.where)
+        artist = ArtReader(self, frame, values["ground_rules"], rules)
         artist.read(level, others)
         self.fill(level, layers, frame)
         artist.finish(level)

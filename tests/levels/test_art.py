@@ -242,6 +242,39 @@ class TestRules:
         found = problems(self.told(rule, []))
         assert len(found) == 1 and message in found[0] and "ground_rules: " in found[0]
 
+    @pytest.mark.parametrize(
+        ("rule", "message"),
+        [
+            ("class Watr", "there is no class 'Watr'; did you mean 'Water'?"),
+            ("property Deep", "there is no property 'Deep'; did you mean 'deep'?"),
+            ("property deep:flase", "no tile has the value 'flase'; did you mean 'false'?"),
+            ("terrain Raod", "there is no terrain 'Raod'; did you mean 'Road'?"),
+            ("tileset onw 1", "there is no tileset 'onw'; available: kinds, own"),
+            ("tileset own 2-9", "tileset 'own' has no such tile"),
+            ("layer house", "there is no layer 'house'; did you mean 'houses'?"),
+            ("collision", "no tile has a collision shape"),
+        ],
+    )
+    def test_a_rule_that_matches_nothing_is_a_warning(self, rule, message):
+        tile = {"id": 0, "type": "Water", "properties": properties(deep=False)}
+        document = self.told(f"{rule} = mud", [tile], wangsets=[{"colors": [{"name": "Road"}], "wangtiles": []}])
+        (said,) = read(document).warnings
+        assert f"warning: ground_rules: {rule!r} matches nothing: {message}" in str(said) and said.line > 1
+
+    @pytest.mark.parametrize(
+        "rule", ["class water", "property deep:False", "terrain road", "tileset own 1-9", "layer Houses", "tileset own"]
+    )
+    def test_a_rule_that_names_what_there_is_is_none(self, rule):
+        tile = {"id": 0, "type": "Water", "properties": properties(deep=False)}
+        document = self.told(f"{rule} = mud", [tile], wangsets=[{"colors": [{"name": "Road"}], "wangtiles": []}])
+        assert read(document).warnings == []
+
+    @pytest.mark.parametrize(("rule", "kinds"), [("tileset own 2", ["road"]), ("tileset own 2 1", ["road"])])
+    def test_a_tileset_may_have_a_name_that_ends_in_a_number(self, rule, kinds):
+        found = read(self.told(f"{rule} = road", [], name="own 2"))
+        assert found.terrain.names == kinds and found.warnings == []
+        assert (found.terrain.index >= 0).sum() == (100 if rule == "tileset own 2" else 50)
+
     def test_a_value_of_a_tile_that_does_not_fit_is_told_once_and_later_rules_count(self):
         told = []
         rules = GroundRules("property speed = speed_factor=property\nclass Road = road", told.append)
