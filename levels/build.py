@@ -42,6 +42,7 @@ from flockbrush.systems.landscape import (
     Native,
     Painted,
 )
+from flockbrush.systems.level_lists import foreseen, rehearsal
 from flockbrush.systems.life import Live, Nursery, births_due, spawn_animals
 from flockbrush.systems.marks import MapMarks
 from flockbrush.systems.motion import Move
@@ -358,19 +359,19 @@ def _no_room(level, spawn, full):
 
 
 def _queue_script(simulation, level):
-    problems = []
-    for key in level.script:
-        try:
-            command = from_record(key.command, key.args)
-            if hasattr(command, "check"):  # what can be known before the run is said before the run
-                command.check(simulation.world)
-        except (ValueError, LookupError) as error:
-            where = f"object {key.id} {key.name!r} in layer 'script'"
-            problems.append(Problem(str(level.path), key.line, where, str(error.args[0] if error.args else error)))
-            continue
-        simulation.world.resource(Commands).submit(command, tick_at(key.at, DT), key.id)
+    world, given, problems = simulation.world, {}, []
+    with rehearsal(world):  # what can be known before the run is said before the run
+        for k, key in sorted(enumerate(level.script), key=lambda entry: tick_at(entry[1].at, DT)):
+            try:
+                given[k] = from_record(key.command, key.args)
+                foreseen(world, given[k])
+            except (ValueError, LookupError) as error:
+                where = f"object {key.id} {key.name!r} in layer 'script'"
+                problems.append(Problem(str(level.path), key.line, where, str(error.args[0] if error.args else error)))
     if problems:
-        raise ProblemsError(problems)
+        raise ProblemsError(sorted(problems, key=lambda problem: problem.line or 0))
+    for k, key in enumerate(level.script):
+        world.resource(Commands).submit(given[k], tick_at(key.at, DT), key.id)
 
 
 # without a level file --------------------------------------------------------------

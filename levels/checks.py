@@ -235,11 +235,12 @@ class _Checks:
         self.complete(key, known)
         for name, f in known.items():
             if f.default is MISSING and f.default_factory is MISSING and name not in key.args:
-                place.say(f"{key.command} needs the property {name!r}")
+                drawn = name == "points"  # no property can say them
+                place.say(f"{key.command} needs {'an area or a line' if drawn else f'the property {name!r}'}")
 
     def named(self, key, place, lines):
         """What a command names must exist."""
-        goals = [goal.name for goal in self.level.goals]
+        goals = [*(goal.name for goal in self.level.goals), *self.brought("name", "PlaceGoal")]
         for name, known in (("brush", self.library.names()), ("goal", goals), ("species", self.species())):
             value = key.args.get(name)
             if isinstance(value, str) and value and value not in known:
@@ -248,14 +249,18 @@ class _Checks:
     def species(self):
         """The species that spawns and the script bring in."""
         come = [spawn.species for spawn in self.level.spawns]
-        script = [key for key in self.level.script if key.command == "AddAnimals" and key.command in self.commands]
-        come += [key.args.get("species", self.commands["AddAnimals"].species) for key in script]
-        return [name for name in dict.fromkeys(come) if isinstance(name, str)]
+        return list(dict.fromkeys([*come, *self.brought("species", "AddAnimals", "MarkSpawn")]))
+
+    def brought(self, name, *givers):
+        """What keys of the script bring in with these commands: the texts of an argument."""
+        keys = [key for key in self.level.script if key.command in givers and key.command in self.commands]
+        values = [key.args.get(name, getattr(self.commands[key.command], name, None)) for key in keys]
+        return [value for value in values if isinstance(value, str)]
 
     def complete(self, key, known):
         """What a command wants and the properties leave out, the drawn object says: x, y, radius, points."""
         kind, points = self.objects.key_shapes[key.id]
-        shape, area = {"points": points.tolist()}, kind == "area"
+        shape, area = {} if kind == "point" else {"points": points.tolist()}, kind == "area"
         for pair in places_of(self.commands[key.command], key.args):
             if area or pair == ("x", "y"):
                 shape |= dict(zip(pair, map(float, key.xy), strict=True))

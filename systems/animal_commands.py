@@ -10,6 +10,7 @@ from flockbrush.engine import limits
 from flockbrush.engine.commands import command
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.problems import did_you_mean
+from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import spawn_animals
 from flockbrush.systems.palette import Palette
@@ -19,8 +20,6 @@ from flockbrush.systems.selection import (
     check_brush,
     check_can,
     check_can_come,
-    check_circle,
-    check_species,
     species_of,
 )
 from flockbrush.systems.undo import TouchedAnimals, goal_index, need, remove
@@ -40,9 +39,9 @@ class SwitchBrush(OfAnimals):
     radius: float = 0.0  # m; 0: everywhere
 
     def check(self, world):
+        super().check(world)
         check_brush(world, self.brush)
         check_can(world, self.brush, self.species)
-        check_circle(self)
 
     def apply(self, world):
         chosen = self.chosen(world)
@@ -77,8 +76,7 @@ class Migrate(OfAnimals):
         need(self.kind in kinds, f"kind must be one of {', '.join(kinds)}{did_you_mean(self.kind, kinds)}")
         need(self.seconds >= 0, f"seconds must be at least 0, got {self.seconds:g}")
         need(self.kind != "direction" or self.x or self.y or self.z, "a direction must not be (0, 0, 0)")
-        check_circle(self)
-        check_species(world, self.species)
+        super().check(world)
 
     def apply(self, world):
         agents, chosen = world.agents, self.chosen(world)
@@ -110,7 +108,7 @@ class SendTo(OfAnimals):
     def check(self, world):
         if self.goal:
             goal_index(world.resource(Landscape), self.goal)
-        check_circle(self)
+        super().check(world)
 
     def apply(self, world):
         goal = goal_index(world.resource(Landscape), self.goal) if self.goal else -1
@@ -141,6 +139,9 @@ class AddAnimals:
         check_can_come(world, self.species, self.brush, self.program)
         need(self.radius > 0, f"radius must be above 0 m, got {self.radius:g}")
         need(1 <= self.count <= MOST, f"count must be 1 to {MOST}, got {self.count}")
+
+    def foresee(self, world):
+        world.resource(SpeciesList).index(self.species)
 
     def touches(self, world):
         return [TouchedAnimals()]

@@ -16,6 +16,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.animal_commands import MOST
+from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.level_lists import KINDS, ThingKind, TouchedThings, lists_of
 from flockbrush.systems.life import Nursery, spawn_animals
@@ -27,6 +28,7 @@ from flockbrush.systems.obstacle_commands import (
     by_id,
     line_of,
     polygon_of,
+    put_thing,
 )
 from flockbrush.systems.paint_commands import FAR, LAYERS, Paint, PaintCells, fill, off_the_map, pick, region
 from flockbrush.systems.palette import Palette
@@ -68,9 +70,12 @@ class OfOutline(OfThing):
     def ground_box(self, world):
         return "all"
 
-    def apply(self, world):
+    def foresee(self, world):
         thing = self.makes(self.id, self.name, self.outline())
         put_thing(_things(world, self.kind, self.id), thing, self.at)
+
+    def apply(self, world):
+        self.foresee(world)
         world.resource(Landscape).changed()
 
 
@@ -103,10 +108,13 @@ class DrawGuide(OfThing):
     def ground_box(self, world):
         return "all"
 
+    def foresee(self, world):
+        guide = Guide(self.id, self.name, line_of(self.points), **settings_of(self, Guide))
+        put_thing(world.resource(Landscape).guides, guide, self.at)
+
     def apply(self, world):
-        land = world.resource(Landscape)
-        put_thing(land.guides, Guide(self.id, self.name, line_of(self.points), **settings_of(self, Guide)), self.at)
-        land.navigate()
+        self.foresee(world)
+        world.resource(Landscape).navigate()
 
 
 @command
@@ -165,7 +173,7 @@ class PlaceGoal(OfThing):
     def ground_box(self, world):
         return "all"
 
-    def apply(self, world):
+    def foresee(self, world):
         land = world.resource(Landscape)
         index, xy = self.there(land), self.place(land)
         polygon = polygon_of(self.points, "a goal") if self.points else None
@@ -175,18 +183,17 @@ class PlaceGoal(OfThing):
         if index is not None:
             land.goals[index] = goal
         else:
-            _insert_goal(world, land, goal, self.at)
+            land.goals.insert(self.at if 0 <= self.at < len(land.goals) else len(land.goals), goal)
+
+    def apply(self, world):
+        land, bound = world.resource(Landscape), world.agents[Destination.goal]
+        first, new = not land.goals, self.there(land) is None
+        self.foresee(world)
+        if first:
+            bound[:] = 0
+        elif new:
+            bound[bound >= self.there(land)] += 1
         land.navigate()
-
-
-def _insert_goal(world, land, goal, at):
-    bound = world.agents[Destination.goal]
-    at = at if 0 <= at < len(land.goals) else len(land.goals)
-    if land.goals:
-        bound[bound >= at] += 1
-    else:
-        bound[:] = 0
-    land.goals.insert(at, goal)
 
 
 @command
@@ -293,22 +300,32 @@ class MarkSpawn(OfThing):
     def touches(self, world):
         return [TouchedAnimals(), *super().touches(world)]
 
+    def foresee(self, world):
+        self.put(world, self.area(world))
+        world.resource(SpeciesList).index(self.species)
+
     def apply(self, world):
-        nursery = world.resource(Nursery)
-        due, brought, index = self.due(nursery), self.brought(nursery), nursery.find(self.id)
-        spawn = self.area(world, None if index is None else nursery.spawns[index])
+        due, spawn = self.due(world.resource(Nursery)), self.area(world)
         total = len(world.agents) + due
         need(total <= MOST, f"there may be at most {MOST} animals, and this would make {total}")
         if due:
             spawn_animals(world, spawn, due, f"spawn {self.id} {world.next_entity}")
-        if index is None:
-            nursery.put(spawn, brought + due, self.at if 0 <= self.at <= len(nursery.spawns) else None)
-        else:
-            nursery.spawns[index], nursery.born[index] = spawn, brought + due
+        self.put(world, spawn)
 
-    def area(self, world, before):
+    def put(self, world, spawn):
+        """Put the spawn among the others, with what it has brought."""
+        nursery = world.resource(Nursery)
+        born, index = self.due(nursery) + self.brought(nursery), nursery.find(self.id)
+        if index is None:
+            nursery.put(spawn, born, self.at if 0 <= self.at <= len(nursery.spawns) else None)
+        else:
+            nursery.spawns[index], nursery.born[index] = spawn, born
+
+    def area(self, world):
         """The spawn as the world keeps it."""
-        now = world.resource(Clock).now
+        nursery, now = world.resource(Nursery), world.resource(Clock).now
+        index = nursery.find(self.id)
+        before = None if index is None else nursery.spawns[index]
         since = self.since if self.since is not None else now if before is None else before.since
         return Spawn(self.id, self.name, polygon_of(self.points, "a spawn"), **settings_of(self, Spawn), since=since)
 
@@ -360,23 +377,28 @@ class RemoveThing(OfThing):
         # the first goal of a world binds everybody, so that those who were free have to be set free again
         return [*super().touches(world), TouchedColumns(rows, (Destination.goal,), later=alone)]
 
+    def foresee(self, world):
+        index = self.there(world)
+        del _things(world, self.kind, self.id)[index]
+        if self.kind == "spawn":
+            del world.resource(Nursery).born[index]
+
     def apply(self, world):
-        land, nursery, index = world.resource(Landscape), world.resource(Nursery), self.there(world)
+        land, index = world.resource(Landscape), self.there(world)
         if self.kind == "obstacle":
             RemoveObstacle(self.name, self.id, index).apply(world)
             return
-        del _things(world, self.kind, self.id)[index]
-        if self.kind == "spawn":
-            del nursery.born[index]
-        elif self.kind == "zone":
+        self.foresee(world)
+        if self.kind == "zone":
             land.marks.lay(land)
         elif self.kind in ("exit", "line", "area", "key"):
             land.changed()
-        else:
-            if self.kind == "goal":
-                bound = world.agents[Destination.goal]
-                bound[bound == index] = -1
-                bound[bound > index] -= 1
+        elif self.kind == "goal":
+            bound = world.agents[Destination.goal]
+            bound[bound == index] = -1
+            bound[bound > index] -= 1
+            land.navigate()
+        elif self.kind == "guide":
             land.navigate()
 
 
@@ -422,15 +444,6 @@ KINDS |= {
     "exit": ThingKind(("exits",), _place_exit, away_by_id("exit")),
     "spawn": ThingKind(("spawns",), _mark_spawn, away_by_id("spawn")),
 }
-
-
-def put_thing(things, thing, at):
-    """Put a thing in the place of the one with its id, or where it belongs in the order."""
-    index = by_id(things, thing.id)
-    if index is not None:
-        things[index] = thing
-    else:
-        things.insert(at if 0 <= at < len(things) else len(things), thing)
 
 
 def _thing_box(things, number, points):

@@ -9,7 +9,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.noise import Noise
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.selection import OfAnimals, check_circle, check_species
+from flockbrush.systems.selection import OfAnimals
 from flockbrush.systems.undo import need
 
 ONSET = 0.5  # s in which a gust is felt.  By eye
@@ -38,8 +38,7 @@ class Gust(OfAnimals):
     def check(self, world):
         need(self.seconds > 0, f"seconds must be above 0, got {self.seconds:g}")
         need(0 <= self.uneven <= 1, f"uneven must be from 0 to 1, got {self.uneven:g}")
-        check_circle(self)
-        check_species(world, self.species)
+        super().check(world)
 
     def chosen(self, world):
         return super().chosen(world) & world.resource(Palette).formation[world.agents[BrushBinding.brush]]

@@ -27,7 +27,7 @@ from flockbrush.systems.flight import MAX_ACCELERATION
 from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.selection import OfAnimals, check_circle
+from flockbrush.systems.selection import OfAnimals
 from flockbrush.systems.undo import need, need_entities, rows_of
 from numba import njit
 
@@ -52,7 +52,7 @@ class ToLeaders(OfAnimals):
     """A command to the animals that it names, or to those of a species in a circle."""
 
     def check(self, world):
-        check_circle(self)
+        super().check(world)
         self.rows(world)
 
     def rows(self, world):

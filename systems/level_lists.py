@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import contextmanager
 from dataclasses import replace
 from operator import attrgetter
 from typing import Any, NamedTuple
 
+from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import Nursery
 
@@ -38,6 +40,33 @@ def lists_of(world, kind):
     """The lists of the things of a kind."""
     owner = world.resource(Nursery if kind == "spawn" else Landscape)
     return [attrgetter(path)(owner) for path in KINDS[kind].paths]
+
+
+@contextmanager
+def rehearsal(world):
+    """What a script is checked in: lists of things and species that `foreseen` commands change, and that come back."""
+    lists = [things for kind in KINDS for things in lists_of(world, kind)]
+    lists += [world.resource(Nursery).born, world.resource(SpeciesList).names]
+    before = [list(things) for things in lists]
+    try:
+        yield
+    finally:
+        for things, kept in zip(lists, before, strict=True):
+            things[:] = kept
+
+
+def foreseen(world, command):
+    """Check a command as if those foreseen before it had been applied; the `rehearsal` then has what it brings.
+
+    Raises
+    ------
+    ValueError, LookupError
+        When the command cannot be done.
+    """
+    if hasattr(command, "check"):
+        command.check(world)
+    if hasattr(command, "foresee"):
+        command.foresee(world)
 
 
 class TouchedThings(NamedTuple):

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 from flockbrush.components.level_things import ZONE
+from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command, commands, from_record, places_of
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import MEDIA
-from flockbrush.systems.edits import OfOutline, OfThing, away_by_id, check_id, check_on_map, put_thing
+from flockbrush.systems.edits import OfOutline, OfThing, away_by_id, check_id, check_on_map
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.level_lists import KINDS, ThingKind
+from flockbrush.systems.level_lists import KINDS, ThingKind, foreseen, rehearsal
 from flockbrush.systems.marks import NO_LIMIT, Area, Key, Line, Zone
-from flockbrush.systems.obstacle_commands import line_of, polygon_of
+from flockbrush.systems.obstacle_commands import line_of, polygon_of, put_thing
 from flockbrush.systems.paint_commands import off_the_map
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
@@ -67,9 +70,12 @@ class DrawZone(OfThing):
     def ground_box(self, world):
         return "all"
 
+    def foresee(self, world):
+        put_thing(world.resource(Landscape).marks.zones, self.zone(), self.at)
+
     def apply(self, world):
         land = world.resource(Landscape)
-        put_thing(land.marks.zones, self.zone(), self.at)
+        self.foresee(world)
         land.marks.names = world.resource(Palette).names
         land.marks.lay(land)
 
@@ -143,8 +149,13 @@ class PlaceKey(OfThing):
         inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
         need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
         command = from_record(self.command, self.given())
-        if hasattr(command, "check"):
-            command.check(world)
+        now = world.resource(Clock).now
+        before = [key for key in land.marks.keys if key.id != self.id and now <= key.at <= self.when]
+        with rehearsal(world):
+            for key in sorted(before, key=lambda key: key.at):
+                with suppress(ValueError, LookupError):  # whatever is wrong with it is told when it is due
+                    foreseen(world, from_record(key.command, key.args))
+            foreseen(world, command)
 
     def given(self):
         """The command's arguments, with the place where the key stands."""

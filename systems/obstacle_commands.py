@@ -99,19 +99,21 @@ class AddObstacle:
     def touches(self, world):
         return [TouchedThings("obstacle")]
 
-    def apply(self, world):
-        self.check(world)
+    def foresee(self, world):
+        """The obstacle, put among the others."""
         land = world.resource(Landscape)
         *stands, corners = self.stand(land)
         corners = np.array(corners, float) if stands[-1] == "hull" else None
         stops = self.polygon(land), self.solid, self.blocks_view, self.margin
         barrier = Obstacle(self.id, self.name, *stops, *stands, corners)
-        things = land.obstacles
-        before, index = list(things), by_id(things, self.id)
-        if index is not None:
-            things[index] = barrier
-        else:
-            things.insert(self.at if 0 <= self.at < len(things) else len(things), barrier)
+        put_thing(land.obstacles, barrier, self.at)
+        return barrier
+
+    def apply(self, world):
+        self.check(world)
+        land = world.resource(Landscape)
+        things, before = land.obstacles, list(land.obstacles)
+        barrier = self.foresee(world)
         land.rebuild(navigation=False)
         try:
             if self.solid and barrier.on_the_ground:
@@ -157,6 +159,15 @@ def by_id(things, number):
     return next((k for k, thing in enumerate(things) if thing.id == number), None) if number else None
 
 
+def put_thing(things, thing, at):
+    """Put a thing in the place of the one with its id, or where it belongs in the order."""
+    index = by_id(things, thing.id)
+    if index is not None:
+        things[index] = thing
+    else:
+        things.insert(at if 0 <= at < len(things) else len(things), thing)
+
+
 def _put(b, at):
     corners = None if b.corners is None else b.corners.tolist()
     stands = b.solid, b.blocks_view, b.id, b.margin, at, b.z_min, b.z_max, b.shape, corners
@@ -171,6 +182,9 @@ class RemoveObstacle:
     id: int = 0
     at: int = -1  # of several of a name only the one at this place in the order
     overhead: bool = False  # in recordings of before there was one order of all; no longer of use
+
+    def check(self, world):
+        self.gone(world)
 
     def gone(self, world):
         """Indices of the obstacles that go; ValueError when there are none."""
@@ -195,9 +209,13 @@ class RemoveObstacle:
         }
         return [TouchedThings("obstacle"), *map(TouchedStand, sorted(gliding))]
 
-    def apply(self, world):
+    def foresee(self, world):
         land, gone = world.resource(Landscape), self.gone(world)
-        land.obstacles = [b for k, b in enumerate(land.obstacles) if k not in gone]
+        land.obstacles[:] = [b for k, b in enumerate(land.obstacles) if k not in gone]
+
+    def apply(self, world):
+        land = world.resource(Landscape)
+        self.foresee(world)
         land.rebuild(navigation=False)
         land.navigate_later(world.resource(Clock).tick)
 

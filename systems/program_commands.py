@@ -119,7 +119,7 @@ class SetState(OfAnimals):
     radius: float = 0.0  # m; 0: everywhere
 
     def check(self, world):
-        check_circle(self)
+        super().check(world)
         programs = world.resource(Programs)
         known = programs.compiled[programs.named(self.program)].names
         need(self.state in known, f"{self.program} has no state {self.state!r}{did_you_mean(self.state, known)}")
@@ -148,7 +148,7 @@ class GiveProgram(OfAnimals):
     radius: float = 0.0  # m; 0: everywhere
 
     def check(self, world):
-        check_circle(self)
+        super().check(world)
         if self.program:
             programs = world.resource(Programs)
             check_can_follow(world, programs.programs[programs.named(self.program)], fauna_of(world, self.rows(world)))

@@ -23,6 +23,7 @@ class OfAnimals(OfThese):
 
     def check(self, world):
         check_circle(self)
+        check_species(world, self.species)
 
     def chosen(self, world):
         """(n,) bool, who is meant."""

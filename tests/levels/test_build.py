@@ -20,6 +20,7 @@ from flockbrush.levels.schema import Area, BrushLayer, Exit, Goal, Guide, Key, L
 from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList
 from small_herd import Shelf, box, brush, level, obstacle, spawn, straight, xy_of
 
 from flockbrush import levels
@@ -134,6 +135,49 @@ def test_a_script_is_queued_for_the_tick_at_or_after_its_time():
     ground.script[0].at = 1.01
     (entry,) = build(ground, library=SHELF).world.resource(Commands).pending
     assert entry[0] == 33  # 32.32 ticks
+
+
+def timed(*keys):
+    """A script of these keys, half a second apart, the last one first in the file."""
+    for k, one in enumerate(keys):
+        one.at, one.id = 0.1 + 0.5 * k, 7 + k
+        one.args |= {"id": 77} if one.command == "PlaceGoal" else {}
+    return list(reversed(keys))
+
+
+SQUARE = [[20.0, 20.0], [22.0, 20.0], [22.0, 22.0], [20.0, 22.0]]
+GATE = {"name": "gate", "points": SQUARE}
+PLACE = {"name": "there", "x": 9.0, "y": 9.0}
+COME = {"brush": "walk", "x": 30.0, "y": 30.0, "radius": 4.0, "species": "goat"}
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        (key("AddObstacle", **GATE), key("MoveObstacle", name="gate", x=25.0, y=25.0)),
+        (key("AddObstacle", **GATE), key("RemoveObstacle", name="gate")),
+        (key("PlaceGoal", **PLACE), key("SendTo", goal="there")),
+        (key("PlaceGoal", **PLACE), key("MoveGoal", goal="there", x=5.0, y=5.0)),
+        (key("AddAnimals", **COME), key("RemoveAnimals", species="goat", x=0.0, y=0.0, radius=0.0)),
+    ],
+)
+def test_a_key_may_be_about_what_an_earlier_one_brings(keys):
+    animals = [spawn(box(1, 1, 9, 9), "walk", 3)]
+    simulation = build(level(spawns=animals, script=timed(*keys)), library=SHELF)
+    land = simulation.world.resource(Landscape)
+    assert not land.obstacles and not land.goals and simulation.world.resource(SpeciesList).names == ["animal"]
+    simulation.run(24)
+    simulation.close()
+    with pytest.raises(ProblemsError, match="there is no (obstacle 'gate'|goal 'there'|species 'goat')"):
+        build(level(spawns=animals, script=timed(*reversed(keys))), library=SHELF)
+
+
+@pytest.mark.parametrize("last", ["MoveObstacle", "RemoveObstacle"])
+def test_a_key_about_what_is_gone_by_then_is_refused(last):
+    there = {"x": 25.0, "y": 25.0} if last == "MoveObstacle" else {}
+    script = timed(key("AddObstacle", **GATE), key("RemoveObstacle", name="gate"), key(last, name="gate", **there))
+    with pytest.raises(ProblemsError, match="object 9 'cue' in layer 'script': there is no obstacle 'gate'"):
+        build(level(spawns=[spawn(box(1, 1, 9, 9), "walk", 3)], script=script), library=SHELF)
 
 
 def test_all_spawns_that_do_not_fit_are_named_at_once():

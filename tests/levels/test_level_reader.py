@@ -362,6 +362,22 @@ class TestScript:
         added = {"command": "AddAnimals", "brush": "march", "radius": 5.0, "species": "aminal"}
         assert told(values, added) == ""
 
+    def test_a_key_may_name_a_goal_that_an_earlier_one_places_as_a_point(self):
+        def read_with(*script, **drawn):
+            told = [{"properties": properties(**values)} for values in script]
+            keys = [thing(k, "Key", 80, 80, extra=drawn | one) for k, one in enumerate(told, 2)]
+            data = json.dumps(with_objects("script", *keys)).encode()
+            return read_level_files({"small.tmj": data}, library=Shelf(), commands=COMMANDS)
+
+        place = {"at": 0.2, "command": "PlaceGoal", "id": 77, "name": "there"}
+        send = {"at": 0.5, "command": "SendTo", "goal": "there"}
+        found = read_with(place, send, point=True)
+        assert found.script[0].args == {"id": 77, "name": "there", "x": 10.0, "y": 10.0}
+        with pytest.raises(ProblemsError, match="goal: there is no goal 'there'"):
+            read_with(send, point=True)
+        with pytest.raises(ProblemsError, match="AddObstacle needs an area or a line"):
+            read_with({"command": "AddObstacle", "name": "gate"}, point=True)
+
 
 class TestNoLevel:
     def test_a_map_in_tmx_that_is_no_level_names_what_makes_one(self):

@@ -85,6 +85,18 @@ def test_a_line_counts_from_when_it_is_drawn():
     assert counts.values()["crossed gate to its right"] == 12 and counts.values()["in yard"] == 0
 
 
+def test_a_key_may_be_about_what_an_earlier_key_brings():
+    simulation, gate = field(), {"name": "gate", "points": [[30.0, 30.0], [32.0, 30.0], [32.0, 32.0]]}
+    move, before = PlaceKey(41, "key", 0.2, "MoveObstacle", {"name": "gate"}, 25.0, 25.0), state_hash(simulation.world)
+    with pytest.raises(CommandError, match="there is no obstacle 'gate'"):
+        do(simulation, move)
+    back = do(simulation, PlaceKey(40, "key", 0.1, "AddObstacle", gate, 31.0, 31.0), move)
+    with pytest.raises(CommandError, match="there is no obstacle 'gate'"):
+        do(simulation, PlaceKey(41, "key", 0.05, "MoveObstacle", {"name": "gate"}, 25.0, 25.0))
+    do(simulation, *back)
+    assert state_hash(simulation.world) == before
+
+
 BAD = [
     (DrawZone(30, "pen", HERE.tolist()), "the zone does nothing"),
     (DrawZone(30, "pen", HERE.tolist(), "rnu"), "no brush 'rnu'"),
