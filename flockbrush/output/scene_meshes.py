@@ -13,6 +13,7 @@ from flockbrush.render.canvas import smooth
 from flockbrush.render.orbit import OrbitCamera
 from flockbrush.render.solid_meshes import Faces, stood_up, together
 from flockbrush.render.style import SUN, mix, theme_of
+from flockbrush.render.view_camera import ViewCamera
 from flockbrush.systems.ground_height import heights_of_ground
 
 TEXTURE = 2048  # pixels of the longer side of the ground's picture
@@ -32,6 +33,7 @@ class GroundMesh(NamedTuple):
     """The ground as a grid of points."""
 
     points: np.ndarray  # (rows, columns, 3); metres, from the south-west corner
+    box: np.ndarray  # (4,): left, lower, right and upper edge of the level in the picture, as shares of its size
 
     @property
     def triangles(self) -> np.ndarray:
@@ -46,7 +48,8 @@ class GroundMesh(NamedTuple):
     def uv(self) -> np.ndarray:
         """(points, 2): places in the picture, from its lower left corner."""
         rows, columns = self.points.shape[:2]
-        u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
+        left, lower, right, upper = self.box
+        u, v = np.meshgrid(np.linspace(left, right, columns), np.linspace(lower, upper, rows))
         return np.column_stack([u.ravel(), v.ravel()])
 
 
@@ -98,13 +101,23 @@ class SceneMeshes:
         columns, rows = (max(2, round(cells * side / longer) + 1) for side in (self.width, self.height))
         x, y = np.meshgrid(np.linspace(0, self.width, columns), np.linspace(0, self.height, rows))
         z = self.heights(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
-        return GroundMesh(np.stack([x, y, z], axis=-1))
+        camera = self._camera_above(TEXTURE)
+        box = (camera.pixels(((0, 0), (self.width, self.height))) / camera.size).ravel()
+        box[1::2] = 1 - box[1::2]
+        return GroundMesh(np.stack([x, y, z], axis=-1), box)
 
     def painter(self, side=TEXTURE) -> Painter:
         """Who draws the ground from above as the playground does; the level fills the picture."""
+        camera = self._camera_above(side)
+        painter = Painter(self.scenery, camera.size, self.theme, trails=None, words=False, labels=False)
+        painter.look(camera)
+        return painter
+
+    def _camera_above(self, side):
+        """The camera of a picture whose longer side has so many pixels."""
         scale = side / max(self.width, self.height)
         size = [int(np.clip(round(length * scale), 8, side)) for length in (self.width, self.height)]
-        return Painter(self.scenery, size, self.theme, trails=None, words=False, labels=False)
+        return ViewCamera.fit(self.width, self.height, size)
 
     def obstacles(self) -> tuple[Faces, np.ndarray]:
         """(faces, colours (m, 3) 0 to 255 in the sun) of what stands there."""

@@ -39,6 +39,25 @@ def test_a_divided_line_keeps_its_corners_and_its_length():
     assert divided(corners[:1], 0.7).tolist() == [[0.0, 0.0]]
 
 
+@pytest.mark.parametrize("name", ["skein", "meadow", "ridge"])
+def test_the_picture_of_the_ground_lies_on_the_ground_and_has_no_margin(name):
+    place = SceneMeshes(start(name, agents=4))
+    painter, ground = place.painter(), place.ground()
+    at = ground.uv * painter.size  # pixels, from the lower left corner
+    points = ground.points.reshape(-1, 3)[:, :2]
+    assert at == pytest.approx(painter.camera.pixels(points) * (1, -1) + (0, painter.size[1]), abs=1e-6)
+    assert at.min() > -0.5 and (at.max(axis=0) > np.subtract(painter.size, 0.5)).all()
+    picture = place.painter(256).ground
+    assert not (picture[2] == painter.theme.paper).all(axis=1).any()  # at the edge, all is painted
+
+
+def test_the_picture_of_a_ground_that_is_a_mere_strip_lies_on_it_too():
+    place = SceneMeshes(start("meadow", agents=4))
+    place.height = 0.001 * place.width
+    at = place.ground().uv * place.painter(2048).size
+    assert np.ptp(at, axis=0) == pytest.approx((2048, 2.048)) and at.mean(axis=0) == pytest.approx((1024, 4))
+
+
 def test_a_goal_that_is_an_area_has_its_outline_and_a_point_in_it():
     simulation = start("meadow", agents=4)
     before = len(SceneMeshes(simulation).goals())

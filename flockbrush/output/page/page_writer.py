@@ -201,6 +201,7 @@ def _place(place: SceneMeshes):
         "width": place.width,
         "height": place.height,
         "columns": ground.points.shape[1],
+        "picture": np.round(ground.box, 6).tolist(),
         "heights": np.round(ground.points[..., 2], 3).ravel().tolist() if len(ground.points) > 2 else [],
         "rows": ground.points.shape[0],
         **_faces(faces, lit),

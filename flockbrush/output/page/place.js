@@ -62,11 +62,11 @@ class Place {
     const map = this.map = new THREE.Texture(this.patches.length ? this.canvas : picture);
     map.anisotropy = this.sharpness;
     map.needsUpdate = true;
-    const { columns, rows } = place, points = [], uv = [], index = [];
+    const { columns, rows } = place, points = [], uv = [], index = [], [left, lower, right, upper] = place.picture;
     for (let j = 0; j < rows; j++) for (let i = 0; i < columns; i++) {
       const u = i / (columns - 1), v = j / (rows - 1);
       points.push(u * place.width, v * place.height, place.heights.length ? place.heights[j * columns + i] : 0);
-      uv.push(u, v);
+      uv.push(left + u * (right - left), lower + v * (upper - lower));
     }
     for (let j = 0; j + 1 < rows; j++) for (let i = 0; i + 1 < columns; i++) {
       const k = j * columns + i;
