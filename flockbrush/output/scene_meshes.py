@@ -154,10 +154,17 @@ class SceneMeshes:
             for k, g in enumerate(self.scenery.guides)
         ]
 
-    def areas(self) -> list[SceneLine]:
-        """Outlines of exits and areas."""
-        areas = [*self.scenery.exits, *self.level.areas]
-        return [self._line(thing.name, thing.polygon, True) for thing in areas]
+    def outlines(self) -> list[tuple[str, list[SceneLine], tuple[int, int, int]]]:
+        """[(kind, outlines, colour)] of exits, measured areas and goals that are areas, as on the plan."""
+        goals = [goal for goal in self.scenery.goals if goal.polygon is not None]
+        return [
+            (kind, [self._line(thing.name, thing.polygon, True) for thing in things], colour)
+            for kind, things, colour in (
+                ("Exits", self.scenery.exits, self.theme.exit),
+                ("Areas", self.level.areas, self.theme.muted),
+                ("Goal areas", goals, self.theme.goal),
+            )
+        ]
 
     def goals(self) -> list[SceneGoal]:
         """The goals; those that are areas have a point in them and no radius."""
@@ -167,10 +174,6 @@ class SceneMeshes:
             )
             for g in self.scenery.goals
         ]
-
-    def goal_areas(self) -> list[SceneLine]:
-        """Outlines of the goals that are areas."""
-        return [self._line(g.name, g.polygon, True) for g in self.scenery.goals if g.polygon is not None]
 
     def camera(self, azimuth=None, elevation=None) -> OrbitCamera:
         """The camera that shows the whole level; degrees, from the south and 40° up by default."""

@@ -20,7 +20,7 @@ def test_guides_follow_the_curve_that_the_ground_shows():
 def test_lines_follow_hills_between_their_corners():
     place = SceneMeshes(start("ridge", agents=4))
     cell = max(place.width, place.height) / CELLS + 1e-9
-    for line in [*place.guides(), *place.areas()]:
+    for line in [*place.guides(), *(line for _, lines, _ in place.outlines() for line in lines)]:
         ends = np.roll(line.points, -1, axis=0) if line.closed else line.points[1:]
         steps = ends - line.points[: len(ends)]
         middles = 0.5 * (ends + line.points[: len(ends)])
@@ -58,6 +58,16 @@ def test_the_picture_of_a_ground_that_is_a_mere_strip_lies_on_it_too():
     assert np.ptp(at, axis=0) == pytest.approx((2048, 2.048)) and at.mean(axis=0) == pytest.approx((1024, 4))
 
 
+def test_measured_areas_do_not_look_like_exits():
+    place = SceneMeshes(start("meadow", agents=4), "dark")
+    look = place.theme
+    told = [(kind, [line.name for line in lines], colour) for kind, lines, colour in place.outlines()]
+    assert told == [
+        ("Exits", ["down the road"], look.exit), ("Areas", ["pasture"], look.muted), ("Goal areas", [], look.goal),
+    ]  # fmt: skip
+    assert look.exit != look.muted
+
+
 def test_a_goal_that_is_an_area_has_its_outline_and_a_point_in_it():
     simulation = start("meadow", agents=4)
     before = len(SceneMeshes(simulation).goals())
@@ -65,7 +75,7 @@ def test_a_goal_that_is_an_area_has_its_outline_and_a_point_in_it():
     simulation.submit(PlaceGoal(901, "fold", 15.0, 15.0, points=ring))
     simulation.tick()
     place = SceneMeshes(simulation)
-    goal, (outline,) = place.goals()[-1], place.goal_areas()
+    goal, (outline,) = place.goals()[-1], place.outlines()[2][1]
     assert len(place.goals()) == before + 1 and goal.radius == 0.0 and outline.closed
     assert {tuple(corner) for corner in ring} <= {tuple(point) for point in outline.points[:, :2].tolist()}
     assert inside(goal.at[None, :2], np.array(ring, float))[0]

@@ -38,9 +38,8 @@ class PlaceNodes:
         self.grounds = []  # (frame from which it is shown, node)
         self._surface = self._ground_surface()
         self._ground(0, self.painted.first)
-        self._lines("Guides", self.place.guides(), self.place.theme.guide)
-        self._lines("Areas", self.place.areas(), self.place.theme.exit)
-        self._lines("Goal areas", self.place.goal_areas(), self.place.theme.goal)
+        for kind, lines, colour in [("Guides", self.place.guides(), self.place.theme.guide), *self.place.outlines()]:
+            self._lines(kind, lines, colour)
         self._goals()
         self._light(world)
 

@@ -207,8 +207,7 @@ def _place(place: SceneMeshes):
         **_faces(faces, lit),
         "goals": [{"name": g.name, "at": np.round(g.at, 3).tolist(), "radius": g.radius} for g in place.goals()],
         "guides": [_line(line) for line in place.guides()],
-        "areas": [_line(line) for line in place.areas()],
-        "goal_areas": [_line(line) for line in place.goal_areas()],
+        "outlines": [_line(line) | {"colour": colour} for _, lines, colour in place.outlines() for line in lines],
     }
 
 

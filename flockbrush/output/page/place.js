@@ -40,9 +40,8 @@ class Place {
     for (const one of this.moving) scene.add(one.mesh);
     const still = standing(place, about.moving);
     if (still.faces.length) scene.add(this.obstacles(still));
-    for (const guide of place.guides) scene.add(this.line(guide, "--guide", 0.55));
-    for (const area of place.areas) scene.add(this.line(area, "--exit", 0.6));
-    for (const area of place.goal_areas) scene.add(this.line(area, "--goal", 0.6));
+    for (const guide of place.guides) scene.add(this.line(guide, css("--guide"), 0.55));
+    for (const area of place.outlines) scene.add(this.line(area, rgb(area.colour), 0.6));
     for (const goal of place.goals) scene.add(this.goal(goal, size));
   }
 
@@ -135,12 +134,12 @@ class Place {
     }
   }
 
-  line(line, colour, opacity) {
+  line(line, color, opacity) {
     const points = [];
     const corners = line.closed ? [...line.points, line.points[0]] : line.points;
     for (const [x, y, z] of corners) points.push(x, y, z + 0.06);
     const geometry = new THREE.BufferGeometry().setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
-    return new THREE.Line(geometry, new THREE.LineBasicMaterial({ color: css(colour), transparent: true, opacity }));
+    return new THREE.Line(geometry, new THREE.LineBasicMaterial({ color, transparent: true, opacity }));
   }
 
   goal(goal, size) {

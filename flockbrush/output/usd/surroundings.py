@@ -26,13 +26,9 @@ def write_place(stage, simulation, options, texture=None):
     UsdGeom.Xform.Define(stage, PLACE)
     _ground(stage, place, texture)
     obstacles = Obstacles(stage, place)
-    for kind, lines, colour in (
-        ("Guides", place.guides(), place.theme.guide),
-        ("Areas", place.areas(), place.theme.exit),
-        ("GoalAreas", place.goal_areas(), place.theme.goal),
-    ):
+    for kind, lines, colour in [("Guides", place.guides(), place.theme.guide), *place.outlines()]:
         if lines:
-            _curves(stage, kind, lines, colour)
+            _curves(stage, kind.title().replace(" ", ""), lines, colour)
     _goals(stage, place)
     _camera(stage, place, options)
     _light(stage)
