@@ -1,8 +1,10 @@
 """The page of a run, opened in a real browser without a network; and what notebooks show."""
 
+import io
 import shutil
 import sys
 import time
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -12,8 +14,11 @@ from flockbrush.components import Heading, Position
 from flockbrush.engine.recording import open_recording, resume, state_hash
 
 from flockbrush.output.page.coarse import coarse_triangles
+from flockbrush.output.page.page_writer import PageWriter
+from flockbrush.output.pictures import herd_of
 from flockbrush.render.animal_looks import LOOKS, mesh_of
 from flockbrush.runs.run import rebuild, start
+from flockbrush.runs.snapshots import moment_of
 
 tools = [
     pytest.mark.tools,
@@ -177,6 +182,57 @@ class TestInABrowser:
             assert word in about
         assert "swarm" in shown.evaluate("document.getElementById('legend').textContent")
 
+    def test_where_an_animal_is_last_it_is_as_fast_as_it_came(self, shown):
+        told = """{ const c = p.run.chunks[0], last = p.run.times.length - 1, columns = ["x", "y", "z"];
+            const at = (k) => p.run.place(c, k, [0, 0, 0]), row = 2, k = row * c.frames;
+            const way = (f) => Math.hypot(...at(k + f).map((part, n) => part - at(k + f - 1)[n])) * 16;
+            const now = () => p.run.ids.subarray(0, p.run.count).indexOf(c.ids[row]);
+            const pace = (time) => { p.run.at(time); return p.run.pace[now()]; };
+            const found = [[pace(p.run.duration), way(last)]];
+            c.columns.present.fill(0, k + 11, k + last + 1);  // it leaves after the frame 10
+            found.push([pace(10 / 16), way(10)], [pace(9.5 / 16), way(10)]);
+            c.columns.present.fill(1, k + 11, k + last + 1);
+            return found; }"""
+        for pace, expected in asked(shown, told):
+            assert pace == pytest.approx(expected, rel=1e-4) and pace > 0.3
+
+    def test_the_headline_counts_everybody_who_was_there_at_any_time(self, shown):
+        assert shown.evaluate("document.getElementById('summary').textContent").startswith("24 animals")
+        chunks = "[[1, 2], [2, 3, 4]].map((ids) => ({ frames: 1, animals: ids.length, ids }))"
+        assert asked(shown, f"(({{ everybody, most }}) => [everybody, most])(new Run({chunks}, p.about))") == [4, 3]
+
+    def test_only_marked_leaders_look_and_are_counted_so_and_the_card_tells_who_leads(self, shown):
+        told, columns = [], "const { leader, marked } = p.run.chunks[0].columns;"
+        for lead, mark in ((1, 0), (1, 1)):
+            fill = f"leader.fill({lead}); marked.fill({mark}); p.select(2);"
+            asked(shown, f"{{ {columns} [p.led, p.bore] = [[...leader], [...marked]]; {fill} }}")
+            drawn(shown)
+            words = [shown.evaluate(f"document.getElementById('{box}').innerText") for box in ("legend", "card")]
+            heads = "Object.values(p.animals.looks).some((l) => l.geometry.instanceCount && l.paint.array[3])"
+            told.append(["leaders" in words[0], "leader" in words[1], asked(shown, heads)])
+            asked(shown, f"{{ {columns} leader.set(p.led); marked.set(p.bore); p.select(null); }}")
+        assert told == [[False, True, False], [True, True, True]]
+
+    @pytest.mark.parametrize("size", [(400, 700), (1400, 800)])
+    def test_a_card_breaks_no_value_and_leaves_the_scene_free(self, shown, size):
+        def resize(width, height):
+            screen = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+            shown.ask("Emulation.setDeviceMetricsOverride", **screen)
+
+        resize(*size)
+        asked(shown, "p.select(3)")
+        drawn(shown)
+        sizes = "(d) => [d.clientHeight, d.scrollWidth - d.clientWidth]"
+        for height, beyond in shown.evaluate(f"[...document.querySelectorAll('#card dd')].map({sizes})"):
+            assert height < 30 and beyond <= 0
+        box = shown.evaluate("Object.values(document.getElementById('card').getBoundingClientRect().toJSON())")
+        left, top, width, height = box[:4]
+        assert left + width < size[0] / 4 or top > size[1] / 2  # at the side, or in the lower half
+        assert top + height <= asked(shown, "p.free()")
+        asked(shown, "p.select(null)")
+        resize(*shown.size)
+        drawn(shown)
+
     def test_nothing_is_complained_of(self, shown):
         assert shown.complaints == []
 
@@ -200,6 +256,17 @@ def test_an_animal_grows_where_an_edit_says_so_and_its_size_is_that_of_each_fram
     for time_s, now in sizes.items():
         times = {animal: 3 if animal == 2 and 0.5 <= time_s < 1 else 1 for animal in now}
         assert all(np.allclose(now[a], np.multiply(first[a], times[a]), rtol=1e-6) for a in now), time_s
+
+
+def test_a_page_marks_the_leaders_that_pictures_mark(lived):
+    moment, writer = moment_of(lived), PageWriter(io.BytesIO(), lived, 16, {})
+    few, all_ = np.arange(len(moment)) < 3, np.ones(len(moment), bool)
+    for leader, marked in ((few, few), (all_, ~all_)):
+        now = replace(moment, leader=leader)
+        writer.take(now)
+        columns = writer.rows[-1].columns
+        assert columns["leader"].tolist() == leader.tolist() and columns["marked"].tolist() == marked.tolist()
+        assert herd_of(lived, now).leader.tolist() == marked.tolist()
 
 
 def covered(mesh, triangles, axes):

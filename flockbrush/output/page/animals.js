@@ -92,7 +92,7 @@ class Animals {
       look.place.array.set([run.x[i], run.y[i], run.z[i], run.length[i]], k);
       look.turn.array.set([run.yaw[i], run.pitch[i], run.roll[i], run.width[i] / 0.4], k);
       look.pose.array.set([look.first[clip] + row, look.first[clip] + (row + 1) % poses, at - Math.floor(at), this.ground.height(run.x[i], run.y[i])], k);
-      look.paint.array.set([colour.r, colour.g, colour.b, run.leader[i]], k);
+      look.paint.array.set([colour.r, colour.g, colour.b, run.marked[i]], k);
     }
     for (const name in this.looks) {
       const look = this.looks[name];

@@ -9,7 +9,11 @@ function element(tag, text, more = {}) {
 
 function pairs(rows) {
   const list = element("dl");
-  for (const [name, value] of rows) list.append(element("dt", name), element("dd", value));
+  for (const [name, value, title] of rows) {
+    const pair = element("div", undefined, { title: title ?? value });
+    pair.append(element("dt", name), element("dd", value));
+    list.append(pair);
+  }
   return list;
 }
 
@@ -35,7 +39,7 @@ class Legend {
       const code = run.codes[name][i];
       counts.set(code, (counts.get(code) || 0) + 1);
     }
-    for (let i = 0; i < run.count; i++) leaders += run.leader[i] ? 1 : 0;
+    for (let i = 0; i < run.count; i++) leaders += run.marked[i];
     const told = JSON.stringify([name, leaders, ...[...counts].sort((a, b) => a[0] - b[0])]);
     if (told === this.told) return;
     this.told = told;
@@ -82,8 +86,8 @@ class Card {
     const rows = Object.keys(about.words).map((name) => [name, about.words[name][run.codes[name][i]] || "none"]);
     const compass = (450 - run.yaw[i] * 180 / Math.PI) % 360;
     rows.push(["role", run.leader[i] ? "leader" : "follower"], ["speed", `${run.pace[i].toFixed(2)} m/s`],
-      ["course", `${((compass + 360) % 360).toFixed(0)}° from north`], ["height", `${(run.z[i] - animals.ground.height(run.x[i], run.y[i])).toFixed(2)} m above ground`],
-      ["position", `${run.x[i].toFixed(1)}, ${run.y[i].toFixed(1)} m`], ["gait", about.clips[run.clip[i]]], ["body length", `${run.length[i].toFixed(2)} m`]);
+      ["course", `${(Math.round(compass + 360) % 360)}°`, "clockwise from north"], ["height", `${(run.z[i] - animals.ground.height(run.x[i], run.y[i])).toFixed(2)} m`, "above the ground"],
+      ["position", `${run.x[i].toFixed(1)}, ${run.y[i].toFixed(1)} m`], ["gait", about.clips[run.clip[i]]], ["length", `${run.length[i].toFixed(2)} m`, "of the body"]);
     if (Math.abs(run.roll[i]) > 0.01) {
       const roll = ((run.roll[i] + Math.PI) % (2 * Math.PI) + 2 * Math.PI) % (2 * Math.PI) - Math.PI;
       rows.push(["bank", `${Math.abs(roll * 180 / Math.PI).toFixed(0)}° ${roll > 0 ? "right" : "left"}`]);

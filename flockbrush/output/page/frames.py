@@ -17,7 +17,8 @@ import numpy as np
 from flockbrush.output.attitude import angles_of
 
 FRAMES = 64  # in a chunk
-COLUMNS = ("present", "x", "y", "z", "yaw", "pitch", "roll", "clip", "phase", "species", "body", "brush", "leader")
+COLUMNS = ("present", "x", "y", "z", "yaw", "pitch", "roll", "clip", "phase", "species", "body", "brush", "leader",
+           "marked")  # fmt: skip
 FULL = 65535
 TURN = 65536 / (2 * np.pi)
 
@@ -30,14 +31,14 @@ class FrameRow(NamedTuple):
     columns: dict  # by name, (n,) int
 
 
-def row_of(moment, body, attitude, clip, phase) -> FrameRow:
-    """A moment with its bodies, attitude (forward, up) and gait as whole numbers."""
+def row_of(moment, body, attitude, clip, phase, marked) -> FrameRow:
+    """A moment with its bodies, attitude (forward, up), gait and the leaders that are `marked`, as whole numbers."""
     yaw, pitch, roll = angles_of(*attitude)
     angles = {"yaw": yaw, "pitch": pitch, "roll": roll}
     columns = {name: np.round(angle * TURN).astype(np.int64) for name, angle in angles.items()}
     columns |= {"clip": clip, "phase": np.round(phase * FULL).astype(np.int64)}
     columns |= {"species": moment.species, "body": body, "brush": moment.brush}
-    columns["leader"] = moment.leader.astype(np.int64)
+    columns |= {"leader": moment.leader.astype(np.int64), "marked": marked.astype(np.int64)}
     return FrameRow(moment.ids, moment.xyz, columns | moment.labels)
 
 

@@ -35,7 +35,7 @@ class Player {
     this.legend = new Legend($("legend"), this.animals, () => { this.dirty = true; });
     this.card = new Card($("card"), this.animals, () => this.select(null));
     $("title").textContent = about.title;
-    $("summary").textContent = `${run.most.toLocaleString("en")} animals, ${+run.duration.toFixed(2)} s, seed ${about.seed}`;
+    $("summary").textContent = `${run.everybody.toLocaleString("en")} animals, ${+run.duration.toFixed(2)} s, seed ${about.seed}`;
     aboutRun($("about"), about, () => this.toggleAbout());
     this.listen();
     this.resize();
@@ -158,6 +158,7 @@ class Player {
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.setViewOffset(width, height, 0, (height - this.free()) / 2, width, height);  // its middle lies above the charts
+    document.documentElement.style.setProperty("--free", `${this.free()}px`);
     this.charts.resize();
     this.dirty = true;
   }

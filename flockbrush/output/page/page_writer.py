@@ -23,7 +23,9 @@ from flockbrush.render.animal_looks import CLIPS, mesh_of, poses_of
 from flockbrush.render.brush_marks import swatch
 from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.gaits import Gaits, looks_of
+from flockbrush.render.leader_marks import LeaderMarks
 from flockbrush.render.painter import brushes_in_sight
+from flockbrush.render.per_run import of_run
 from flockbrush.render.scenery import Scenery
 from flockbrush.render.space_view import sky_of
 from flockbrush.render.style import PALETTE, mix, rgb, worn
@@ -70,7 +72,8 @@ class PageWriter:
         self.moving.take()
         self._ground(moment.time)
         body, attitude = self.bodies.take(moment), held(self.simulation, moment)
-        self.rows.append(row_of(moment, body, attitude, *self.gaits.of(moment)))
+        marked = of_run(LeaderMarks, self.simulation).of(moment)
+        self.rows.append(row_of(moment, body, attitude, *self.gaits.of(moment), marked))
         self.labels += [name for name in borne(self.simulation, moment) if name not in self.labels]
         self.times.append(round(moment.time, 6))
         for name, value in measured(moment).items():

@@ -51,8 +51,10 @@ function chunkOf(bytes, names, first) {
   }
   const row = new Map();
   ids.forEach((id, k) => row.set(id, k));
-  return { first, frames, animals, box, ids, body, length, width, columns, row, next: null };
+  return { first, frames, animals, box, ids, body, length, width, columns, row };
 }
+
+const CODES = ["clip", "species", "brush", "leader", "marked"];  // columns that are taken over as they are
 
 // Where everybody is at any time: rows of numbers, filled anew for each picture.
 class Run {
@@ -61,15 +63,12 @@ class Run {
     this.about = about;
     this.times = about.times;
     this.labels = Object.keys(about.words);
-    chunks.forEach((chunk, k) => {
-      const after = chunks[k + 1];
-      chunk.next = after ? Int32Array.from(chunk.ids, (id) => after.row.get(id) ?? -1) : null;
-    });
+    this.everybody = new Set(chunks.flatMap((chunk) => [...chunk.ids])).size;  // who is there at any time
     this.most = Math.max(1, ...chunks.map((chunk) => chunk.animals));
     const make = (kind) => new kind(this.most);
     this.ids = make(Uint32Array);
     for (const name of ["x", "y", "z", "yaw", "pitch", "roll", "phase", "length", "width", "pace"]) this[name] = make(Float32Array);
-    for (const name of ["clip", "species", "brush", "leader"]) this[name] = make(Uint16Array);
+    for (const name of CODES) this[name] = make(Uint16Array);
     this.codes = Object.fromEntries(this.labels.map((name) => [name, make(Uint16Array)]));
     this.count = 0;
   }
@@ -91,12 +90,18 @@ class Run {
     return this.chunks[Math.min(this.chunks.length - 1, this.chunks.findIndex((c) => frame < c.first + c.frames))];
   }
 
-  place(chunk, row, frame, out) {
-    const k = row * chunk.frames + frame, box = chunk.box;
+  place(chunk, k, out) {
+    const box = chunk.box;
     out[0] = box[0] + chunk.columns.x[k] * box[3] / 65535;
     out[1] = box[1] + chunk.columns.y[k] * box[4] / 65535;
     out[2] = box[2] + chunk.columns.z[k] * box[5] / 65535;
     return out;
+  }
+
+  // The index of an animal's numbers in the columns of a frame's chunk; -1 where it is not there.
+  indexIn(chunk, id, frame) {
+    const row = chunk?.row.get(id), k = row === undefined ? -1 : row * chunk.frames + frame - chunk.first;
+    return k >= 0 && chunk.columns.present[k] ? k : -1;
   }
 
   // Fill the rows with the animals at a time (s); between two frames they are between two places.
@@ -105,40 +110,44 @@ class Run {
     if (!this.chunks.length) return;
     const t = time + this.times[0], frame = this.frameAt(t);
     const chunk = this.chunkAt(frame), f = frame - chunk.first;
-    const later = frame + 1 < this.times.length ? this.times[frame + 1] : this.times[frame];
-    const share = later > this.times[frame] ? Math.min(1, Math.max(0, (t - this.times[frame]) / (later - this.times[frame]))) : 0;
-    const inside = f + 1 < chunk.frames, after = inside ? chunk : this.chunks[this.chunks.indexOf(chunk) + 1];
-    const g = inside ? f + 1 : 0, here = [0, 0, 0], there = [0, 0, 0], wrap = this.about.wrap;
+    const beside = (number) => (number in this.times ? { chunk: this.chunkAt(number), seconds: Math.abs(this.times[number] - this.times[frame]) } : {});
+    const next = beside(frame + 1), last = beside(frame - 1), after = next.chunk, before = last.chunk;
+    const share = after ? Math.min(1, Math.max(0, (t - this.times[frame]) / next.seconds)) : 0;
+    const here = [0, 0, 0], there = [0, 0, 0], wrap = this.about.wrap;
+    // To the place in another frame, the short way over the seam of a periodic map.
+    const wayTo = (other, k) => {
+      this.place(other, k, there);
+      for (let c = 0; c < 2 && wrap; c++) {
+        if (Math.abs(there[c] - here[c]) > wrap[c] / 2) there[c] += there[c] < here[c] ? wrap[c] : -wrap[c];
+      }
+      return Math.hypot(there[0] - here[0], there[1] - here[1], there[2] - here[2]);
+    };
     for (let row = 0; row < chunk.animals; row++) {
       const k = row * chunk.frames + f;
       if (!chunk.columns.present[k]) continue;
       const i = this.count++, columns = chunk.columns;
-      this.place(chunk, row, f, here);
-      const other = after === undefined ? -1 : inside ? row : chunk.next[row];
-      const m = other < 0 ? -1 : other * after.frames + g;
-      const goesOn = share > 0 && m >= 0 && after.columns.present[m];
+      this.place(chunk, k, here);
+      const id = chunk.ids[row], m = this.indexIn(after, id, frame + 1), goesOn = share > 0 && m >= 0;
       const turn = (name) => {
         const a = columns[name][k];
         const change = goesOn ? (((after.columns[name][m] - a + 32768) & 65535) - 32768) * share : 0;
         return (a + change) * (2 * Math.PI / 65536);
       };
-      this.pace[i] = 0;
-      if (m >= 0 && after.columns.present[m]) {
-        this.place(after, other, g, there);
-        for (let c = 0; c < 2 && wrap; c++) {
-          if (Math.abs(there[c] - here[c]) > wrap[c] / 2) there[c] += there[c] < here[c] ? wrap[c] : -wrap[c];
-        }
-        this.pace[i] = Math.hypot(there[0] - here[0], there[1] - here[1], there[2] - here[2]) / (later - this.times[frame]);
+      if (m >= 0) {
+        this.pace[i] = wayTo(after, m) / next.seconds;
         for (let c = 0; c < 3; c++) here[c] += (there[c] - here[c]) * share;
+      } else {
+        const was = this.indexIn(before, id, frame - 1);
+        this.pace[i] = was < 0 ? 0 : wayTo(before, was) / last.seconds;
       }
       this.x[i] = here[0]; this.y[i] = here[1]; this.z[i] = here[2];
       this.yaw[i] = turn("yaw"); this.pitch[i] = turn("pitch"); this.roll[i] = turn("roll");
       const p = columns.phase[k], on = goesOn ? ((after.columns.phase[m] - p) & 65535) * share : 0;
       this.phase[i] = ((p + on) % 65536) / 65536;
-      this.ids[i] = chunk.ids[row];
+      this.ids[i] = id;
       const body = chunk.body[row] + columns.body[k];
       this.length[i] = chunk.length[body]; this.width[i] = chunk.width[body];
-      for (const name of ["clip", "species", "brush", "leader"]) this[name][i] = columns[name][k];
+      for (const name of CODES) this[name][i] = columns[name][k];
       for (const name of this.labels) this.codes[name][i] = columns[name] ? columns[name][k] : 0;
     }
   }
@@ -147,14 +156,12 @@ class Run {
   wayOf(id, time, seconds, pieces) {
     const last = this.frameAt(time + this.times[0]), first = this.frameAt(Math.max(0, time - seconds) + this.times[0]);
     const step = Math.max(1, Math.floor((last - first) / pieces)), way = [], at = [0, 0, 0];
-    let chunk = null, row;
+    let chunk = null;
     for (let frame = first + (last - first) % step; frame <= last; frame += step) {
-      if (!chunk || frame >= chunk.first + chunk.frames) {
-        chunk = this.chunkAt(frame);
-        row = chunk.row.get(id);
-      }
-      if (row === undefined || !chunk.columns.present[row * chunk.frames + frame - chunk.first]) continue;
-      this.place(chunk, row, frame - chunk.first, at);
+      if (!chunk || frame >= chunk.first + chunk.frames) chunk = this.chunkAt(frame);
+      const k = this.indexIn(chunk, id, frame);
+      if (k < 0) continue;
+      this.place(chunk, k, at);
       way.push(at[0], at[1], at[2]);
     }
     return way;
