@@ -68,7 +68,7 @@ def _from(m, k, biggest):
 def held(simulation, moment):
     """(forward, up), (n, 3) unit vectors each, of the bodies of a moment: flyers bank, walkers follow the slope."""
     forward, up = np.asarray(moment.forward, float).copy(), back_of(moment.forward, moment.up)
-    land = _land(simulation)
+    land = land_of(simulation)
     if land is None or land.relief.shape[:2] == (1, 1):
         return forward, up
     x, y, z = moment.xyz.T
@@ -104,7 +104,7 @@ def _layer(land, k):
     return np.ascontiguousarray(np.repeat(land.relief[..., k : k + 1], 3, axis=2))
 
 
-def _land(simulation):
+def land_of(simulation):
     """The landscape; None for objects that only imitate a simulation."""
     from flockbrush.levels.build import Simulation
 

@@ -11,6 +11,7 @@ import pytest
 from blender import WITHOUT_BLENDER, blender_python
 from flockbrush.components import Heading, Position
 from flockbrush.engine.locks import Advice
+from flockbrush.systems.landscape import Landscape
 
 from flockbrush.render.canvas import smooth
 from flockbrush.runs.run import start
@@ -223,6 +224,32 @@ def test_quaternions_keep_their_hemisphere_and_the_gait_goes_on_through_births_a
                 assert (phase - phases[animal]) % 1 == pytest.approx(1.5 / 24 / stride, abs=1e-3)
             before[animal], phases[animal] = now, phase
     assert sorted(before) == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_an_animal_takes_the_short_way_over_the_seam_of_a_periodic_map(tmp_path, lived, monkeypatch, mode):
+    from pxr import Usd, UsdGeom
+
+    monkeypatch.setattr(Landscape, "wrap", property(lambda _: (40.0, 30.0)))
+    moments = []
+    for frame, x in enumerate((38.0, 39.0, 1.0, 2.0)):  # at the third frame one is over the seam, and another is born
+        moment = turning(n=2 + (frame > 1), frames=1)[0]
+        moment.xyz[0] = x, 29.5 + 0.5 * frame - 30 * (frame > 0), 0.0
+        moments.append(replace(moment, time=frame / 24, velocity=np.zeros((len(moment), 3))))
+    stage = written(tmp_path, lived, f"{mode}.usdc", moments, usd_mode=mode)
+
+    def place(time):
+        if mode != "instancer":
+            prim = stage.GetPrimAtPath("/World/Herd/animal_1")
+            return UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(time).ExtractTranslation()
+        herd = UsdGeom.PointInstancer(stage.GetPrimAtPath("/World/Herd"))
+        read = (herd.GetPositionsAttr(), herd.GetVelocitiesAttr(), herd.GetIdsAttr())
+        positions, velocities, ids = (attribute.Get(Usd.TimeCode(time)) for attribute in read)
+        assert len(positions) == len(velocities) == len(ids)
+        return positions[0]
+
+    places = np.array([place(time) for time in (0.5, 1.5, 1.98, 2, 2.5)])[:, :2]
+    assert np.allclose(places, [[38.5, 29.75], [40, 0.25], [41, 0.5], [1, 0.5], [1.5, 0.75]], atol=0.06)
 
 
 @pytest.mark.parametrize("mode", ["xforms", "skel"])

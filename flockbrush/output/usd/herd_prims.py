@@ -5,10 +5,36 @@ from __future__ import annotations
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from flockbrush.output.attitude import AttitudeTurns
+from flockbrush.output.attitude import AttitudeTurns, land_of
 
 HERD, PROTOTYPES = "/World/Herd", "/World/Herd/Prototypes"
 NOTHING = 1e-4  # scale of animals that are not there: 0 cannot be inverted, and some tools ignore visibility
+AT_ONCE = 1 / 64  # frames between two samples of what jumps
+
+
+class Seam:
+    """Who goes over the seam of a periodic map: an animal leaves the map, and is on its other side at once."""
+
+    def __init__(self, simulation):
+        land = land_of(simulation)
+        self._wrap = None if land is None else land.wrap
+        self._ids, self._at = np.zeros(0, np.int64), np.zeros((0, 3))
+
+    def crossed(self, moment):
+        """(ids, places (n, 3), over (n,) bool) of the animals of the frame before, as they are just before this frame.
+
+        Those that go `over` the seam are outside the map.
+        """
+        ids, at, places = self._ids, self._at, self._at.copy()
+        self._ids, self._at = moment.ids, moment.xyz
+        over = np.zeros(len(ids), bool)
+        if self._wrap is not None:
+            _, old, new = np.intersect1d(ids, moment.ids, assume_unique=True, return_indices=True)
+            places[old] = moment.xyz[new]
+            step = np.round((places[:, :2] - at[:, :2]) / self._wrap) * self._wrap
+            places[:, :2] -= step
+            over = step.any(axis=1)
+        return ids, places, over
 
 
 class Instancer:
@@ -32,6 +58,7 @@ class Instancer:
         }
         self._primvars = UsdGeom.PrimvarsAPI(herd)
         self._last: dict[str, np.ndarray] = {}
+        self._seam, self._velocities = Seam(simulation), np.zeros((0, 3))
 
     def _number(self, key):
         """Index of the prototype that shows this, new or known."""
@@ -46,18 +73,18 @@ class Instancer:
         """Set all arrays of a frame; the bytes they take."""
         shown, which = np.unique(self._bodies.shown(moment, clip, phase), axis=0, return_inverse=True)
         numbers = np.array([self._number(tuple(key)) for key in shown.tolist()], np.int32)
-        at, scales = moment.xyz.astype(np.float32), self._bodies.scales(moment).astype(np.float32)
-        reach = 2 * scales.max(initial=0.0)
-        corners = np.array([at.min(0) - reach, at.max(0) + reach]) if len(at) else np.zeros((2, 3), np.float32)
+        scales = self._bodies.scales(moment).astype(np.float32)
+        _, places, over = self._seam.crossed(moment)
+        if over.any():
+            self._place(frame - AT_ONCE, places, self._velocities, scales)
+        self._velocities = moment.velocity
+        self._place(frame, moment.xyz, moment.velocity, scales)
         turns = np.roll(self._turns.of(moment), -1, axis=1).astype(np.float16)
         values = {
             "ids": Vt.Int64Array.FromNumpy(moment.ids),
             "protoIndices": Vt.IntArray.FromNumpy(numbers[which.ravel()] if len(numbers) else numbers),
-            "positions": Vt.Vec3fArray.FromNumpy(at),
             "orientations": Vt.QuathArray.FromNumpy(turns),
             "scales": Vt.Vec3fArray.FromNumpy(scales),
-            "velocities": Vt.Vec3fArray.FromNumpy(moment.velocity.astype(np.float32)),
-            "extent": Vt.Vec3fArray.FromNumpy(corners.astype(np.float32)),
         }
         for name, value in values.items():
             self._attributes[name].Set(value, frame)
@@ -71,6 +98,13 @@ class Instancer:
             array = Vt.FloatArray if kind == "float" else Vt.IntArray
             self._attributes[name].Set(array.FromNumpy(value), frame)
         return (64 + 4 * len(primvars_of(moment, phase))) * len(moment)
+
+    def _place(self, time, places, velocities, scales):
+        """Set where the animals are at a time, in frames, and how they go on from there."""
+        reach = 2 * scales.max(initial=0.0)
+        corners = [places.min(0) - reach, places.max(0) + reach] if len(places) else np.zeros((2, 3))
+        for name, values in (("positions", places), ("velocities", velocities), ("extent", np.array(corners))):
+            self._attributes[name].Set(Vt.Vec3fArray.FromNumpy(values.astype(np.float32)), time)
 
     def finish(self):
         """Nothing is left to do."""
@@ -132,12 +166,16 @@ class Xforms:
         UsdGeom.Xform.Define(stage, HERD)
         self._animals: dict[int, dict] = {}
         self._here: set[int] = set()
+        self._seam = Seam(simulation)
 
     def write(self, frame, moment, clip, phase):
         """Set every animal of a frame; the bytes that takes."""
         ids, here = moment.ids.tolist(), set(moment.ids.tolist())
         for vanished in sorted(self._here - here):
             self._animals[vanished]["shown"].hide(frame)
+        before, places, over = self._seam.crossed(moment)
+        for animal, place in zip(before[over].tolist(), places[over].tolist(), strict=True):
+            self._animals[animal]["translate"].Set(Gf.Vec3d(*place), frame - AT_ONCE)
         self._names = self._bodies.names()
         at, scales, turns = moment.xyz.tolist(), self._bodies.scales(moment).tolist(), self._turns.of(moment).tolist()
         carried = primvars_of(moment, phase)
