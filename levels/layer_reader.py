@@ -222,13 +222,20 @@ def split(layers):
     layer; a tile or image layer with another name is artwork, unless it has a name like ours.  Those that are the
     designer's own by name are never ours.
     """
-    grouped = any(layer.name.startswith(schema.GROUP + "/") for layer in layers)
-    ours, others = [], []
+    grouped, ours, others = has_group(layers), [], []
     for layer in layers:
-        inside = layer.name.startswith(schema.GROUP + "/")
-        meant = inside if grouped else layer.kind == "objectgroup" or _is_ours(layer.name)
+        meant = _in_group(layer) if grouped else layer.kind == "objectgroup" or _is_ours(layer.name)
         (ours if meant and not is_own(layer.name) else others).append(layer)
     return ours, others
+
+
+def has_group(layers):
+    """Whether our layers are those in a group `schema.GROUP`: all else is of somebody else's map."""
+    return any(map(_in_group, layers))
+
+
+def _in_group(layer):
+    return layer.name.startswith(schema.GROUP + "/")
 
 
 def is_own(name):

@@ -7,6 +7,7 @@ Hidden layers and objects count: the eye in Tiled is for the designer's view.  L
 
 from __future__ import annotations
 
+import dataclasses
 import posixpath
 from pathlib import Path
 
@@ -33,7 +34,7 @@ from flockbrush.levels.hints import (
     slope_hints,
     species_hints,
 )
-from flockbrush.levels.layer_reader import LayerReader, kind_of, plain_name, split
+from flockbrush.levels.layer_reader import LayerReader, has_group, kind_of, plain_name, split
 from flockbrush.levels.level_files import DiskFiles, FileRefused, MemoryFiles, UnsavedFiles
 from flockbrush.levels.libraries import brush_library, program_library, recorded_library
 from flockbrush.levels.objects import ObjectReader
@@ -138,10 +139,11 @@ class LevelReader:
         if doc is None:
             return None
         place = self.place.at(doc, "map")
-        values = read_properties(doc, CLASSES["FlockbrushLevel"], place)
+        walked = list(self.layers.walk(doc.get("layers"), place))
+        layers, others = split(walked)
+        values = self.map_properties(doc, has_group(walked), place)
         self.check_map(doc, values, place)
         self.tiles.read(doc)
-        layers, others = split(list(self.layers.walk(doc.get("layers"), place)))
         frame = self.layers.frame(doc, layers, values["metres_per_tile"], place)
         if frame is None:
             return None
@@ -186,6 +188,16 @@ class LevelReader:
             self.place.say(str(error))
             return None
         return parsed(data, self.place, "map")
+
+    def map_properties(self, doc, grouped, place):
+        """The properties of the map; others than ours are those of a game where our layers have a group."""
+        cls = CLASSES["FlockbrushLevel"]
+        values = read_properties(doc, dataclasses.replace(cls, open=grouped), place)
+        for name in values.others:
+            near = did_you_mean(name, [p.name for p in cls.properties])
+            if "did you mean" in near:
+                place.warn(f"property {name[:60]!r} has no effect on the level{near}", values.lines[name])
+        return values
 
     def check_map(self, doc, values, place):
         if "schema" in values.given and (wrong := misfit(values["schema"], schema.SCHEMA)):

@@ -124,8 +124,12 @@ def _titled(schema, title, description):
 
 
 def _properties(cls: ObjectClass) -> Schema:
-    """Schema of the list of custom properties in Tiled: one item for each property of a class, or one for all."""
-    names: Schema = {"type": "string"} if cls.open else {"enum": [p.name for p in cls.properties]}
+    """Schema of the list of custom properties in Tiled: one item for each property of a class, or one for all.
+
+    A map has others, too.
+    """
+    others = cls.open or cls.use == "map"
+    names: Schema = {"type": "string"} if others else {"enum": [p.name for p in cls.properties]}
     item = {
         "type": "object",
         "required": ["name", "value"],

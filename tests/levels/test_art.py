@@ -98,6 +98,25 @@ class TestWhatIsArt:
         assert [layer.name for layer in found.art.layers] == ["terrain"]
         assert len(found.spawns) == 1 and found.terrain.names == ["grass"]
 
+    def test_only_beside_a_group_of_ours_a_map_may_have_properties_of_its_own(self):
+        of_game = properties(music="theme.ogg", boundry="open")
+        group = {"type": "group", "name": "flockbrush", "layers": [tiles(), objects("spawns", herd())]}
+        document = level(group)
+        document["properties"] += of_game
+        found = read(document)
+        (warning,) = map(str, found.warnings)
+        assert "property 'boundry' has no effect on the level; did you mean 'boundary'?" in warning
+        document = level()
+        document["properties"] += of_game
+        assert "FlockbrushLevel has no property 'music'" in problems(document)[0]
+
+    def test_adoption_leaves_the_properties_of_a_map_as_they_are(self, tmp_path):
+        path = foreign_map("sewers", tmp_path / "maps")
+        music = '<properties><property name="music" value="theme.ogg"/></properties><tileset '
+        path.write_text(path.read_text().replace("<tileset ", music, 1))
+        document = adopt(path).document
+        assert {"name": "music", "type": "string", "value": "theme.ogg"} in document["properties"]
+
     def test_a_lost_picture_is_a_warning(self):
         document = self.with_layer("houses", [6] * 100)
         own = {"name": "own", "image": "gone.png", "columns": 1, "tilecount": 1, "tilewidth": 16, "tileheight": 16}
