@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import posixpath
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -128,6 +128,20 @@ class Art:
     files: dict[str, bytes] = field(default_factory=dict, repr=False)
     # (ny, nx) bool, optional; cells of our own terrain layer, south row first: drawn over the artwork
     painted: np.ndarray | None = None
+
+    def padded(self, pad: tuple[tuple[int, int], tuple[int, int]]) -> Art:
+        """The same artwork on a larger map, ``pad`` cells around it: ((south, north), (west, east))."""
+        (south, north), (west, east) = pad
+        layers = []
+        for layer in self.layers:
+            if layer.gids is None:
+                more = {"dx": layer.dx + west * self.tile, "dy": layer.dy + north * self.tile}
+            else:
+                more = {"gids": np.pad(layer.gids, ((north, south), (west, east)))}
+            layers.append(replace(layer, **more))
+        shape = self.shape[0] + south + north, self.shape[1] + west + east
+        painted = None if self.painted is None else np.pad(self.painted, pad)
+        return replace(self, layers=layers, shape=shape, painted=painted)
 
     @cached_property
     def side(self):

@@ -62,18 +62,17 @@ def _grown(level):
             thing, **{n: getattr(thing, n) + shift for n in names if getattr(thing, n) is not None}
         )
 
-    def padded(raster, mode="edge"):
-        return None if raster is None else Raster(raster.cell, _pad(raster, pad, level.cell, mode))
-
     def grid(values, fill):
         return np.pad(values, pad, constant_values=fill)
 
+    size = level.width + sum(pad[1]) * level.cell, level.height + sum(pad[0]) * level.cell
     return dataclasses.replace(
         level,
-        width=level.width + (before[0] + after[0]) * level.cell,
-        height=level.height + (before[1] + after[1]) * level.cell,
+        width=size[0],
+        height=size[1],
         terrain=level.terrain and level.terrain.padded(pad),
-        height_map=padded(level.height_map),
+        art=level.art and level.art.padded(pad),
+        height_map=level.height_map and _hills(level.height_map, shift, size, level.cell),
         cap=None if level.cap is None else Raster(level.cap.cell, grid(level.cap.values, np.inf)),
         factor=None if level.factor is None else Raster(level.factor.cell, grid(level.factor.values, 1.0)),
         brush_layers=[dataclasses.replace(b, index=grid(b.index, -1)) for b in level.brush_layers],
@@ -105,7 +104,12 @@ def _moved_args(command, args, shift):
     return moved
 
 
-def _pad(raster, pad, cell, mode):
-    """A raster whose cells may differ from the level's, padded by as many metres."""
-    cells = [tuple(round(k * cell / raster.cell) for k in side) for side in pad]
-    return np.pad(raster.values, cells, mode=mode)
+def _hills(raster, shift, size, cell):
+    """Heights on a map of another size whose south-west corner lies ``shift`` m further out; those of its edge around.
+
+    Pixels that do not fit the shift are made as fine as the map, for hills stay where they are.
+    """
+    fine = raster.cell if np.allclose(shift / raster.cell, np.round(shift / raster.cell)) else min(raster.cell, cell)
+    nx, ny = (max(1, round(length / fine)) for length in size)
+    places = Raster(fine, np.zeros((ny, nx))).centres() - shift
+    return Raster(fine, raster.sample(places))

@@ -13,6 +13,7 @@ from flockbrush.engine.noise import Noise
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.state import state_hash
+from flockbrush.levels.art import Art, ArtLayer
 from flockbrush.levels.build import DT, brushes_used, build, herds_apart, plane, systems
 from flockbrush.levels.reader import read_level
 from flockbrush.levels.scaling import scaled
@@ -287,6 +288,34 @@ def test_the_map_grows_where_a_larger_herd_would_not_fit_and_all_moves_along():
     xy = xy_of(simulation)
     assert ((xy > 0) & (xy < (grown.width, grown.height))).all()
     simulation.run(35)  # the script, too, works there
+
+
+@pytest.mark.parametrize("pixels", [40, 20, 4, 57])
+def test_hills_stay_where_they_are_when_the_map_grows(pixels):
+    heights = Raster(40 / pixels, np.zeros((pixels, pixels)))
+    heights.values = np.sin(heights.centres() @ (0.2, 0.1))
+    ground = two_herds(height_map=heights, obstacles=[obstacle(box(30, 30, 32, 32))])
+    grown = scaled(ground, 600)
+    shift = grown.obstacles[0].polygon[0] - (30, 30)
+    assert shift.min() > 0
+    places = np.random.default_rng(4).uniform(0, 40, (300, 2))
+    assert np.abs(grown.height_map.sample(places + shift) - heights.sample(places)).mean() < 0.02
+
+
+def test_artwork_keeps_its_place_when_the_map_grows():
+    gids, painted = np.zeros((40, 40), np.uint32), np.zeros((40, 40), bool)
+    gids[-1, 0], painted[0, 0] = 5, True  # the north row first, and the south row
+    layers = [ArtLayer("ground", 1.0, 4.0, 0.0, gids=gids), ArtLayer("sky", 1.0, 1.0, 2.0, image="sky.png")]
+    art = Art(layers, [], (40, 40), 16, painted=painted)
+    grown = scaled(two_herds(art=art, zones=[Zone(1, "z", box(0, 0, 2, 2), None, 1.0, 1.0, 0.5)]), 1000)
+    art, (ix, iy) = grown.art, grown.zones[0].polygon.min(0).astype(int)
+    assert min(ix, iy) > 0
+    assert art.shape == art.layers[0].gids.shape == art.painted.shape == grown.shape
+    assert art.layers[0].gids[grown.shape[0] - 1 - iy, ix] == art.layers[0].gids.sum() == 5
+    assert art.painted[iy, ix] and art.painted.sum() == 1
+    assert (art.layers[0].dx, art.layers[1].dx) == (4.0, 1.0 + 16 * ix)
+    assert art.layers[1].dy == 2.0 + 16 * (grown.shape[0] - 40 - iy)
+    assert art.picture.shape == (16 * grown.shape[0], 16 * grown.shape[1], 4)
 
 
 def test_places_of_a_command_move_with_the_map_and_directions_do_not():
