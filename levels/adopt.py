@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import copy
 import os
-import posixpath
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.carried_files import from_folder
 from flockbrush.levels.checked_nodes import parsed_document
+from flockbrush.levels.document_nodes import file_references
 from flockbrush.levels.ground_rules import suggested
 from flockbrush.levels.json_lines import JsonError
 from flockbrush.levels.level_files import DiskFiles, FileRefused, project_folder
@@ -151,19 +152,8 @@ def _nodes(nodes):
 def _move(document, before, after):
     """Let the files that a map names be found from another folder."""
 
-    def moved(name):
-        return posixpath.normpath(os.path.relpath(before / name, after).replace("\\", "/"))
-
-    for entry in document["tilesets"]:
-        for key in ("source", "image"):
-            if entry.get(key):
-                entry[key] = moved(entry[key])
-        for tile in entry.get("tiles", []):
-            if tile.get("image"):
-                tile["image"] = moved(tile["image"])
-    for node in _nodes(document["layers"]):
-        if node.get("image"):
-            node["image"] = moved(node["image"])
+    for node, key in file_references(document):
+        node[key] = from_folder(node[key], before, after)
 
 
 # ---------------------------------------------------------------- what is added

@@ -1,8 +1,12 @@
-"""What nodes of a level's document are: layers in groups, properties of a class, paint that binds some."""
+"""What nodes of a document of Tiled's are: layers in groups, properties of a class, paint that binds some, names of
+files."""
 
 from __future__ import annotations
 
+from flockbrush.behaviours.brush import SUFFIX
 from flockbrush.levels.schema import CLASSES
+
+_FILES = ("source", "image", "template")  # of tilesets, pictures and objects
 
 
 def is_class(entry, cls):
@@ -31,3 +35,32 @@ def every_layer(nodes):
     for node in nodes:
         yield node
         yield from every_layer(node.get("layers", []))
+
+
+def is_brush_file(name):
+    """Whether this names the file of a brush."""
+    return name.endswith(SUFFIX)
+
+
+def file_references(node):
+    """(node, key) wherever a document, or a part of one, names a file: a tileset, a picture, a template, a brush, or
+    what a property of type file says."""
+    if isinstance(node, list):
+        for one in node if node and isinstance(node[0], dict) else ():
+            yield from file_references(one)
+    elif isinstance(node, dict):
+        yield from ((node, key) for key in _FILES if node.get(key) and isinstance(node[key], str))
+        value = node.get("value")
+        if isinstance(value, dict):
+            yield from ((value, key) for key, one in value.items() if isinstance(one, str) and is_brush_file(one))
+        elif isinstance(value, str) and value and (node.get("type") == "file" or is_brush_file(value)):
+            yield node, "value"
+        for key, value in node.items():
+            if key != "value":
+                yield from file_references(value)
+
+
+def file_names(node):
+    """(name, whether a level needs it: templates and the files of a game are others' matter) of `file_references`."""
+    for one, key in file_references(node):
+        yield one[key], key in ("source", "image") or is_brush_file(one[key])

@@ -10,20 +10,21 @@ from __future__ import annotations
 
 import copy
 import json
-import os
 from itertools import chain, count
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from flockbrush.engine.commands import from_record, to_record
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.plain_json import json_lines
-from flockbrush.engine.problems import Problem, ProblemsError
-from flockbrush.levels.document_changes import EditError
-from flockbrush.levels.level_files import MemoryFiles, is_of_project, project_folder
+from flockbrush.levels.carried_files import carried
+from flockbrush.levels.document_changes import EditError, KeySet
+from flockbrush.levels.document_nodes import file_names, file_references
+from flockbrush.levels.level_files import MemoryFiles
 from flockbrush.levels.level_writer import Document, dump
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.map_edits import EditedMap
+from flockbrush.levels.playground_tiles import PLAYGROUND, is_playground
 from flockbrush.levels.steps import CommandStack, EditStep
 
 FORMAT = 1  # of the journal
@@ -276,7 +277,8 @@ class Editor(CommandStack):
     def save(self, path=None, backup=True) -> Path:
         """Save the level, in its place or under another name, all of it or nothing.
 
-        In another folder the tilesets and pictures it needs are copied beside it, unless they are in the same project.
+        In another folder the tilesets, pictures and brushes it needs are copied below it, unless they are in the same
+        project.
 
         Raises
         ------
@@ -284,11 +286,14 @@ class Editor(CommandStack):
             When it cannot be written; the file there is then untouched.
         """
         to = Path(path) if path is not None else self.path
-        moved, before, saved = self._copied(to), self.path, self._saved
+        before, saved = self.path, self._saved
+        pictures = self._pictures(to)
+        others = (entry for entry in file_names(self._document.data) if entry[0] not in pictures)
+        moved = carried(others, before, to) | {old: new for old, (new, _) in pictures.items() if new != old}
         self._moved(str(to), moved)
         try:
-            for entry, meanings in self.sheet.tiles.playgrounds():
-                write_bytes(to.parent / entry["image"], _picture(meanings, entry, self.library))
+            for name, data in pictures.values():
+                write_bytes(to.parent / name, data)
             self.document.save(to, backup)
         except BaseException:
             self._moved(str(before), {new: old for old, new in moved.items()})
@@ -298,37 +303,27 @@ class Editor(CommandStack):
         return to
 
     def _moved(self, path, moved):
-        """Take another place for the file; what it names is called as ``moved`` says."""
-        for entry in self._document.data.get("tilesets", []):
-            entry.update({key: moved[entry[key]] for key in ("source", "image") if entry.get(key) in moved})
-        for node, *_ in self.sheet.layers():
-            if node.get("image") in moved:
-                node["image"] = moved[node["image"]]
+        """Take another place for the file; what it names is called as ``moved`` says, also after undo."""
+        steps = [change for step in (*self.done, *self.undone) for change in step.changes or ()]
+        earlier = (value for change in steps if isinstance(change, KeySet) for value in (change.before, change.after))
+        found = chain.from_iterable(map(file_references, (self._document.data, *earlier)))
+        for node, key in {(id(node), key): (node, key) for node, key in found}.values():
+            node[key] = moved.get(node[key], node[key])
         self._document.path = Path(path)
         self._saved = self._mark()
 
-    def _copied(self, to):
-        """{name in the file: new name} of what a file in another folder calls differently, copied where needed."""
-        source_folder, target_folder = self.path.parent.resolve(), to.parent.resolve()
-        if source_folder == target_folder:
-            return {}
-        moved, root = {}, project_folder(to)
-        for name in self._named():
-            source = Path(os.path.normpath(source_folder / name))
-            if is_of_project(source, root):
-                new = PurePosixPath(os.path.relpath(source, target_folder).replace(os.sep, "/")).as_posix()
-            else:
-                new = _copied_beside(source, to)
-            if new != name:
-                moved[name] = new
-        return moved
-
-    def _named(self):
-        """Every file that the document names."""
-        data = self._document.data
-        own = {entry["image"] for entry, _ in self.sheet.tiles.playgrounds()}
-        file_names = [e[k] for e in data.get("tilesets", []) for k in ("source", "image") if k in e and e[k] not in own]
-        return list(dict.fromkeys(file_names + [n["image"] for n, *_ in self.sheet.layers() if n.get("image")]))
+    def _pictures(self, to):
+        """{name: (new name, PNG file)} of what was added here: called as the level, in place of no file of others."""
+        ours, pictures = _pictures_in(to), {}
+        for entry, meanings in self.sheet.tiles.playgrounds():
+            stem, data = f"{to.stem}-{PLAYGROUND}", _picture(meanings, entry, self.library)
+            taken = {name for name, _ in pictures.values()}
+            now = entry["image"]
+            wanted = [now] if now.startswith(stem) and Path(now).name == now else []
+            names = chain(wanted, (f"{stem}{k}.png" for k in chain([""], count(2))))
+            free = (n for n in names if n not in taken and (n in ours or _is_free(to.parent / n, data)))
+            pictures[now] = next(free), data
+        return pictures
 
     # ------------------------------------------------------------ the journal
 
@@ -437,32 +432,18 @@ def _step_of(record):
     return EditStep(record["label"], *sides, record["tick"], record["join"], record["serial"])
 
 
-def _copied_beside(source, level):
-    """Copy a file that a level needs beside it, and the picture of a tileset with it; its name there.
-
-    Files of others keep their names: where one has the same name and other contents, the copy is called otherwise.
-    """
-    tiles = source.suffix == ".tsj"
-    own = (level.stem + (f"-{k}" if k > 1 else "") for k in count(1))
-    names = chain(["tilesets/"], map("tilesets/{}/".format, own)) if tiles else chain([""], map("{}-".format, own))
-    files = [file for file in (source, source.with_suffix(".png")) if file.is_file()]
+def _pictures_in(path):
+    """Names of the pictures that the level at a path has of tiles that were added here; none where there is none."""
     try:
-        for name in names:
-            targets = [level.parent / (name + file.name) for file in files]
-            pairs = list(zip(files, targets, strict=True))
-            if all(not new.exists() or new.read_bytes() == file.read_bytes() for file, new in pairs):
-                break
-        for file, new in pairs:
-            if not new.exists():
-                new.parent.mkdir(parents=True, exist_ok=True)
-                write_bytes(new, file.read_bytes())
-    except ProblemsError:  # it names the file
-        raise
-    except OSError as error:
-        raise ProblemsError(
-            [Problem(str(level), None, None, f"{source.name} cannot be copied beside it: {error.strerror or error}")]
-        ) from None
-    return name + source.name
+        data = json.loads(Path(path).read_bytes())
+        return {entry["image"] for entry in data.get("tilesets", []) if is_playground(entry)}
+    except (OSError, ValueError, AttributeError, LookupError, TypeError):
+        return set()
+
+
+def _is_free(path, data):
+    """Whether a file can be written without replacing another one."""
+    return not path.exists() or (path.is_file() and path.read_bytes() == data)
 
 
 def _picture(meanings, entry, library):

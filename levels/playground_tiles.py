@@ -65,7 +65,7 @@ class PlaygroundTiles:
         if tilesets is not self._fresh[0]:
             fresh = {}
             for entry in tilesets:
-                if "source" not in entry and str(entry.get("name", "")).startswith(PLAYGROUND):
+                if is_playground(entry):
                     fresh |= {entry["firstgid"] + tile["id"]: _own_meaning(tile) for tile in entry.get("tiles", [])}
             self._fresh = tilesets, self.meaning | fresh
         return self._fresh[1]
@@ -94,8 +94,8 @@ class PlaygroundTiles:
         """The tileset "playground" with room for one more tile, perhaps a new one."""
         tilesets = self.map.data.get("tilesets", [])
         last = max(tilesets, key=lambda e: e["firstgid"], default=None)
-        if last is not None and str(last.get("name", "")).startswith(PLAYGROUND) and "source" not in last:
-            return {"tiles": [], **last}
+        if last is not None and is_playground(last):
+            return last
         ends = [self.ends.get(e["firstgid"], e["firstgid"] + e.get("tilecount", 0)) for e in tilesets]
         tile, count = self.map.data["tilewidth"], sum(str(e.get("name", "")).startswith(PLAYGROUND) for e in tilesets)
         return {
@@ -112,10 +112,16 @@ class PlaygroundTiles:
         """[(tileset, [meaning or None of each place])] of what was added here."""
         tilesets = []
         for entry in self.map.data.get("tilesets", []):
-            if "source" not in entry and str(entry.get("name", "")).startswith(PLAYGROUND) and "image" in entry:
+            if is_playground(entry):
                 tiles = {tile["id"]: _own_meaning(tile) for tile in entry.get("tiles", [])}
                 tilesets.append((entry, [tiles.get(k) for k in range(entry["tilecount"])]))
         return tilesets
+
+
+def is_playground(entry):
+    """Whether a tileset of a map is one that was added here: each of its tiles means something to us."""
+    named = "source" not in entry and "image" in entry and str(entry.get("name", "")).startswith(PLAYGROUND)
+    return named and bool(entry.get("tiles")) and all(map(_own_meaning, entry["tiles"]))
 
 
 def _meaning(reader, tile):

@@ -18,7 +18,7 @@ from flockbrush.engine.files import free_path, refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.editor import Editor
-from flockbrush.levels.level_files import DiskFiles, project_folder
+from flockbrush.levels.level_files import DiskFiles, is_of_project, project_folder
 from flockbrush.levels.libraries import brush_library, program_library
 from flockbrush.levels.reader import read_level_text
 from flockbrush.levels.schema import PROJECT_FILE
@@ -152,11 +152,14 @@ class SessionFiles:
                 if library is not None and name not in files:
                     files[name] = data, library.file_called(Path(name).name) or to.parent / name
             for data, there in files.values():
-                if not there.exists():
+                if there.exists():
+                    if there.read_bytes() != data:
+                        self._say("warning", f"{there} is another file of this name, which the level uses from now on")
+                elif is_of_project(there.resolve(), project_folder(to)):
                     there.parent.mkdir(parents=True, exist_ok=True)
                     write_bytes(there, data, overwrite=False)
-                elif there.read_bytes() != data:
-                    self._say("warning", f"{there} is another file of this name, which the level uses from now on")
+                else:
+                    self._say("warning", f"{there} is missing, and is not written outside of the level's project")
         except (ProblemsError, OSError) as error:
             self._say("warning", f"{to} was saved, but cannot be opened yet: {error}")
 

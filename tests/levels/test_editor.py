@@ -177,7 +177,7 @@ def test_saved_elsewhere_it_takes_along_what_it_needs(meadow, tmp_path_factory):
     living.do(Paint("cap", 0.37, 60.0, 20.0, 74.0, 22.0, 6.0))
     away = tmp_path_factory.mktemp("away") / "mine.tmj"
     living.editor.save(away)
-    assert sorted(os.listdir(away.parent)) == ["meadow-playground.png", "mine.tmj", "tilesets"]
+    assert sorted(os.listdir(away.parent)) == ["mine-playground.png", "mine.tmj", "tilesets"]
     assert sorted(os.listdir(away.parent / "tilesets")) == [
         "brushes.png", "brushes.tsj", "speed.png", "speed.tsj", "terrain.png", "terrain.tsj",
     ]  # fmt: skip
