@@ -21,7 +21,7 @@ from flockbrush.levels.carried_files import carried
 from flockbrush.levels.document_changes import EditError, KeySet
 from flockbrush.levels.document_nodes import file_names, file_references
 from flockbrush.levels.level_files import MemoryFiles
-from flockbrush.levels.level_writer import Document, dump
+from flockbrush.levels.level_writer import Document, dump, refuse_xml
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.map_edits import EditedMap
 from flockbrush.levels.playground_tiles import PLAYGROUND, is_playground
@@ -286,6 +286,7 @@ class Editor(CommandStack):
             When it cannot be written; the file there is then untouched.
         """
         to = Path(path) if path is not None else self.path
+        refuse_xml(to)
         before, saved = self.path, self._saved
         pictures = self._pictures(to)
         others = (entry for entry in file_names(self._document.data) if entry[0] not in pictures)

@@ -11,15 +11,15 @@ import json
 from pathlib import Path
 
 import numpy as np
-from flockbrush.engine import limits
 from flockbrush.engine.files import kept_beside, refused, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.levels.checked_nodes import parsed_document
 from flockbrush.levels.document_nodes import values_of
-from flockbrush.levels.json_lines import JsonError, parse
+from flockbrush.levels.json_lines import JsonError
 from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.tile_data import decode
-from flockbrush.levels.tmx import is_xml
 
+_XML = (".tmx", ".xml")
 _TYPES = {bool: "bool", int: "int", float: "float", str: "string"}
 
 
@@ -76,6 +76,14 @@ def _scalar(value):
 # ---------------------------------------------------------------- the file
 
 
+def refuse_xml(path):
+    """ProblemsError where a level's name says that it is XML."""
+    path = Path(path)
+    if path.suffix.lower() in _XML:
+        message = f"a level is saved as Tiled's JSON; save it under another name, such as {path.stem}.tmj"
+        raise refused(path, message)
+
+
 def write_level(document: dict, path, backup=True) -> Path:
     """Save a level's document, all of it or nothing.
 
@@ -94,6 +102,7 @@ def write_level(document: dict, path, backup=True) -> Path:
         When it cannot be written; the earlier file is then untouched.
     """
     path = Path(path)
+    refuse_xml(path)
     data = (dump(document)).encode()
     try:
         changes = backup and path.exists() and path.read_bytes() != data
@@ -128,7 +137,7 @@ class Document:
 
     @classmethod
     def load(cls, path) -> Document:
-        """The document of a TMJ file with a fixed size.
+        """The document of a TMJ or TMX file with a fixed size; it is saved as TMJ.
 
         Raises
         ------
@@ -136,13 +145,7 @@ class Document:
             When it cannot be read.  Whether it makes a level is `read_level`'s business: call that first.
         """
         try:
-            written = Path(path).read_bytes()
-            if is_xml(written):
-                message = (
-                    f"a .tmx file cannot be edited here; convert it to .tmj: flockbrush level adopt {Path(path).name}"
-                )
-                raise ProblemsError([Problem(str(path), 1, None, message)])
-            data = parse(written, limits.JSON_DEPTH)
+            data = parsed_document(Path(path).read_bytes())
         except OSError as error:
             raise ProblemsError(
                 [Problem(str(path), None, None, f"cannot be read: {error.strerror or error}")]

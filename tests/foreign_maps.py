@@ -20,6 +20,33 @@ OF_TILED = {
 }
 
 
+# a level of ten by ten tiles in Tiled's XML, and its tileset
+LEVEL = (
+    '<map width="10" height="10" tilewidth="16" tileheight="16" orientation="orthogonal">\n <properties>\n'
+    '  <property name="schema" value="flockbrush-level/1"/>\n'
+    '  <property name="metres_per_tile" type="float" value="2"/>\n'
+    ' </properties>\n <tileset firstgid="1" source="kinds.tsx"/>\n'
+    ' <layer id="1" name="terrain" width="10" height="10"><data encoding="csv">\n'
+    + ",\n".join([",".join(["1"] * 10)] * 9 + [",".join(["2"] * 10)])
+    + '\n</data></layer>\n <objectgroup id="2" name="spawns">\n'
+    '  <object id="1" x="32" y="32" width="64" height="64">\n   <properties>\n'
+    '    <property name="brush" value="march"/>\n    <property name="count" type="int" value="5"/>\n'
+    "   </properties>\n  </object>\n </objectgroup>\n</map>\n"
+)
+KINDS = (
+    '<tileset name="kinds" tilewidth="16" tileheight="16" tilecount="2" columns="2">\n'
+    ' <tile id="0" type="Terrain"/>\n <tile id="1" type="Terrain">\n  <properties>\n'
+    '   <property name="walkable" type="bool" value="false"/>\n  </properties>\n </tile>\n</tileset>\n'
+)
+
+
+def level_in_tmx(folder) -> Path:
+    """A level in a .tmx file, with its tileset."""
+    (folder / "kinds.tsx").write_text(KINDS)
+    (folder / "small.tmx").write_text(LEVEL)
+    return folder / "small.tmx"
+
+
 def png(path, tile, columns, rows, margin=0, spacing=0, alpha=True):
     """A sheet of tiles, each with a colour of its own and a bright corner in the north-west."""
     sheet = np.zeros(

@@ -20,11 +20,11 @@ from flockbrush.studio.forms import Form, FormRow, blank, changed, live_commands
 from flockbrush.studio.help import Help
 from flockbrush.studio.needed import needed
 from flockbrush.studio.panels.tuning import as_new
+from flockbrush.studio.session_files import LEVELS
 from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name
 from flockbrush.studio.video_recorder import RunningVideo
 from flockbrush.systems.level_lists import without_place
 
-LEVELS = (".tmj", ".json")  # what level files end in
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 
@@ -146,17 +146,19 @@ class AppActions:
         return Path(self.session.path).stem if self.session.path else self.session.level.name
 
     def save(self):
-        """Write the level to its file; ask for a file if the level is shipped or from a recording."""
-        return self.save_as() if self.session.lent else self._save(None)
+        """Write the level to its file; ask for a file if that is shipped, from a recording or not Tiled's JSON."""
+        return self.save_as() if self.session.needs_name else self._save(None)
 
     def save_as(self, then=lambda: None, branch=""):
         """Ask for a file (of a ``branch`` another one is offered) and write the level there; call `then` afterwards."""
         lent, path = self.session.lent, self.session.path
-        start = Path.cwd() / f"{self.level_name()}.tmj" if lent else path
+        other = self.session.needs_name and not lent
+        start = Path.cwd() / f"{self.level_name()}.tmj" if lent else path.with_suffix(".tmj") if other else path
         if branch:
             start = start.with_name(f"{start.stem}-{plain_name(branch)}{start.suffix}")
         why = f"Branch {branch}. " if branch else ""
         why += "This level is part of Flockbrush or of a recording and cannot be changed.\n" if lent else ""
+        why += f"Changes of a {path.suffix} file are saved as .tmj.\n" if other else ""
         self.ask_text("Save the level", f"{why}File to write:", str(start), lambda text: self._save_to(text, then))
 
     def _save_to(self, text, then):
@@ -470,7 +472,7 @@ class AppActions:
         session = self.session
         brushes = session.unsaved_brushes()
         if session.dirty or (brushes and session.lent):  # brushes lie beside a level
-            if session.lent:
+            if session.needs_name:
                 self.save_as(then=self._save_and_quit)
             elif self._save(None):
                 self._save_and_quit()

@@ -32,6 +32,7 @@ from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs
 
 AUTOSAVE_SECONDS = 1.0  # s; what a crash may take at most
+LEVELS = (".tmj", ".json")  # what files of levels that were saved here end in
 ADVICE = "Such a level could not be opened again: undo what is missing, or change or remove what names it.\n"
 LITTLE_ROOM = 60  # minutes of the run that a disk has room for; with less, who records is warned
 
@@ -99,6 +100,11 @@ class SessionFiles:
     def dirty(self):
         """Whether the level's file is not what is seen here."""
         return self.editor.dirty or self.timeline.current.outdated
+
+    @property
+    def needs_name(self):
+        """Whether the level is saved under another name: its file is not the designer's, or is no JSON of Tiled's."""
+        return self.lent or self.path.suffix.lower() not in LEVELS
 
     def save(self, path=None):
         """Write the level, in its place or elsewhere; the path, or False and a notice.

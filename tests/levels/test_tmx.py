@@ -7,10 +7,13 @@ import cv2
 import numpy as np
 import pytest
 from flockbrush.engine import limits
+from flockbrush.engine.problems import ProblemsError
+from flockbrush.levels.editor import Editor
 from flockbrush.levels.json_lines import JsonError
-from flockbrush.levels.reader import read_level_files
+from flockbrush.levels.reader import read_level, read_level_files
 from flockbrush.levels.tmx import is_xml, read_xml
-from foreign_maps import EXAMPLES, OF_TILED, exported, foreign_map
+from flockbrush.systems.edits import PlaceGoal
+from foreign_maps import EXAMPLES, KINDS, LEVEL, OF_TILED, exported, foreign_map, level_in_tmx
 from small_level import Shelf, level, problem
 from small_level import tileset as small_tileset
 
@@ -79,29 +82,25 @@ def test_json_and_xml_are_told_apart_by_their_first_letter():
 
 
 def test_a_level_in_tmx_is_read_with_its_tileset_in_tsx():
-    text = (
-        '<map width="10" height="10" tilewidth="16" tileheight="16" orientation="orthogonal">\n <properties>\n'
-        '  <property name="schema" value="flockbrush-level/1"/>\n'
-        '  <property name="metres_per_tile" type="float" value="2"/>\n'
-        ' </properties>\n <tileset firstgid="1" source="kinds.tsx"/>\n'
-        ' <layer id="1" name="terrain" width="10" height="10"><data encoding="csv">\n'
-        + ",\n".join([",".join(["1"] * 10)] * 9 + [",".join(["2"] * 10)])
-        + '\n</data></layer>\n <objectgroup id="2" name="spawns">\n'
-        '  <object id="1" x="32" y="32" width="64" height="64">\n   <properties>\n'
-        '    <property name="brush" value="march"/>\n    <property name="count" type="int" value="5"/>\n'
-        "   </properties>\n  </object>\n </objectgroup>\n</map>\n"
-    )
-    tsx = (
-        '<tileset name="kinds" tilewidth="16" tileheight="16" tilecount="2" columns="2">\n'
-        ' <tile id="0" type="Terrain"/>\n <tile id="1" type="Terrain">\n  <properties>\n'
-        '   <property name="walkable" type="bool" value="false"/>\n  </properties>\n </tile>\n</tileset>\n'
-    )
+    text, tsx = LEVEL, KINDS
     found = read_level_files({"small.tmx": text.encode(), "kinds.tsx": tsx.encode()}, library=Shelf(), commands={})
     assert found.width == 20 and found.agents == 5
     assert not found.terrain.walkable[0].any() and found.terrain.walkable[1:].all()
     broken = text.replace('value="5"', 'value="-5"')
     with pytest.raises(Exception, match=r"small\.tmx:23: object 1 in layer 'spawns': count must be at least 0"):
         read_level_files({"small.tmx": broken.encode(), "kinds.tsx": tsx.encode()}, library=Shelf(), commands={})
+
+
+def test_a_level_in_tmx_is_edited_and_saved_as_tmj(tmp_path):
+    path = level_in_tmx(tmp_path)
+    editor = Editor.open(path)
+    editor.do("goal", [PlaceGoal(id=editor.new_id(), name="fold", x=5.0, y=6.0)])
+    with pytest.raises(ProblemsError, match=r"saved as Tiled's JSON; save it under another name, such as small\.tmj"):
+        editor.save()
+    assert path.read_text() == LEVEL and editor.dirty
+    before, saved = read_level(path), read_level(editor.save(tmp_path / "small.tmj"))
+    assert saved.goals[0].xy.tolist() == [5.0, 6.0] and not before.goals
+    assert np.array_equal(saved.terrain.walkable, before.terrain.walkable) and saved.agents == before.agents == 5
 
 
 def of_chunks(name, data):

@@ -14,6 +14,7 @@ from flockbrush.systems.commands import SetParameter
 from flockbrush.systems.edits import PlaceGoal
 from flockbrush.systems.program_commands import UseProgram
 from flockbrush.systems.undo import UseBrush
+from foreign_maps import LEVEL, level_in_tmx
 from small_pasture import pasture
 from window import Window
 
@@ -162,6 +163,19 @@ def test_who_quits_and_saves_a_shipped_level_is_gone_when_it_is_saved(tmp_path):
     window.dialog.entry.set_text(str(tmp_path / "mine.tmj"))
     window.key("return")
     assert not window.running and (tmp_path / "mine.tmj").is_file()
+    window.close()
+
+
+def test_a_level_in_tmx_is_saved_as_tmj(tmp_path):
+    path = level_in_tmx(tmp_path)
+    window = Window(path, (640, 480))
+    window.key("ctrl+s")
+    assert window.dialog.entry.get_text() == str(path.with_suffix(".tmj"))
+    assert "Changes of a .tmx file are saved as .tmj" in window.dialog.question
+    window.key("return")
+    assert path.with_suffix(".tmj").is_file() and path.read_text() == LEVEL and window.said("error") == []
+    window.key("ctrl+s")
+    assert window.dialog is None
     window.close()
 
 
