@@ -42,6 +42,12 @@ def is_brush_file(name):
     return name.endswith(SUFFIX)
 
 
+def brush_files(node):
+    """{brush: its file} of the brushes that a document names as files."""
+    names = (one[key] for one, key in file_references(node) if is_brush_file(one[key]))
+    return {name.replace("\\", "/").rsplit("/", 1)[-1].removesuffix(SUFFIX): name for name in names}
+
+
 def file_references(node):
     """(node, key) wherever a document, or a part of one, names a file: a tileset, a picture, a template, a brush, or
     what a property of type file says."""

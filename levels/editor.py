@@ -310,6 +310,8 @@ class Editor(CommandStack):
         found = chain.from_iterable(map(file_references, (self._document.data, *earlier)))
         for node, key in {(id(node), key): (node, key) for node, key in found}.values():
             node[key] = moved.get(node[key], node[key])
+        files = self.sheet.brush_files
+        files.update({brush: moved.get(name, name) for brush, name in files.items()})
         self._document.path = Path(path)
         self._saved = self._mark()
 

@@ -14,7 +14,7 @@ from functools import singledispatchmethod
 import numpy as np
 from flockbrush.levels import geometry
 from flockbrush.levels.document_changes import MISSING, EditError, KeySet, TilesPut, put
-from flockbrush.levels.document_nodes import binds_some, every_layer, values_of
+from flockbrush.levels.document_nodes import binds_some, brush_files, every_layer, values_of
 from flockbrush.levels.layer_reader import kind_of
 from flockbrush.levels.level_files import DiskFiles
 from flockbrush.levels.map_objects import MapObjects
@@ -70,6 +70,7 @@ class EditedMap(MapObjects):
         self.document, self.data = document, document.data
         self.files = DiskFiles(document.path) if files is None else files
         self.changes: list = []
+        self.brush_files = brush_files(self.data)  # stay known when nothing names them any more
         self.ny, self.nx = self.data["height"], self.data["width"]
         self._grids: dict[int, TileGrid] = {}
         self.tiles = PlaygroundTiles(self, library)

@@ -19,6 +19,7 @@ class MapObjects:
     """
 
     def __init__(self):
+        self.brush_files: dict[str, str] = {}  # of brushes that the level names as files
         self._dropped: dict = {}  # (object, layer, dx, dy) by id and class
 
     def objects(self):
@@ -88,6 +89,8 @@ class MapObjects:
         members = {} if whole is None else dict(whole["value"])
         for name, value in properties.items():
             p = cls.property(name)
+            if p is not None and p.kind == "brush":
+                value = self.brush_files.get(value, value)
             entry = next((e for e in entries if e["name"] == name), None)
             if name in members:
                 members[name] = value

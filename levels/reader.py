@@ -127,6 +127,8 @@ class LevelReader:
         self.named_programs: dict[str, Program] = {}
         self.commands = commands
         self._names: list[str] | None = None
+        self._plain: dict[str, tuple] = {}  # where a brush is first named without a file: (place, line)
+        self._brush_files: dict[str, tuple[str, bytes]] = {}  # of brushes that are named with one
         self.place = FilePlace(report, str(files.level), None)
         self.tiles = TilesetReader(files, self.place)
         self.layers = LayerReader(self.place)
@@ -166,6 +168,7 @@ class LevelReader:
         level.programs = self.named_programs
         check_level(level, self.objects, self.library, self.commands)
         if not self.report.problems:
+            self.tell_hidden_brushes()
             layer_hints(layers)
             level_hints(level, self.objects.places)
             program_hints(level, self.objects.places)
@@ -353,6 +356,7 @@ class LevelReader:
             return self.brush_file(name, folder, place, line, key)
         if name not in self.brush_names():
             place.say(f"{key}: there is no brush {name[:60]!r}{did_you_mean(name, self.brush_names())}", line)
+        self._plain.setdefault(name, (place, line))
         return name
 
     def program(self, name, place, line):
@@ -382,7 +386,22 @@ class LevelReader:
             return name
         relative = posixpath.normpath(posixpath.join(folder, name).replace("\\", "/"))
         try:
-            return load_brush(data, file=self.files.shown(relative)).name
+            brush = load_brush(data, file=self.files.shown(relative)).name
         except ProblemsError as error:
             self.report.problems.extend(error.problems)
             return name
+        other, known = self._brush_files.setdefault(brush, (relative, data))
+        if known != data:
+            place.say(f"{key}: {relative} and {other} are different brushes of one name; rename one of them", line)
+        return brush
+
+    def tell_hidden_brushes(self):
+        """Warn of each brush that is named plainly and is not the one of this name in the library."""
+        for name in sorted(self._plain.keys() & self._brush_files.keys()):
+            (place, line), (file, data) = self._plain[name], self._brush_files[name]
+            try:
+                hidden = name in self.brush_names() and self.library.get(name).source != data
+            except ProblemsError:  # nobody uses that one
+                continue
+            if hidden:
+                place.warn(f"brush {name!r} is that of {file} in this level; rename the file to have both", line)

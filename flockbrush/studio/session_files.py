@@ -153,9 +153,10 @@ class SessionFiles:
         try:
             level = read_level_text(self.editor.text().encode(), to, self.brushes_known(), needed)
             files = {name: (data, to.parent / name) for name, data in list(level.files.items())[1:]}
+            own = {Path(name).name for name in files}
             for name, data in needed.items():
                 library = libraries.get(name.partition("/")[0])
-                if library is not None and name not in files:
+                if library is not None and Path(name).name not in own:
                     files[name] = data, library.file_called(Path(name).name) or to.parent / name
             for data, there in files.values():
                 if there.exists():

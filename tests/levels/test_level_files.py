@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import time
 
 import pytest
@@ -133,6 +134,43 @@ def test_a_brush_may_be_a_file_beside_the_level(project, monkeypatch):
         assert found.spawns[0].brush == "mine"
     assert list(found.files) == ["small.tmj", "brushes/mine.brush.toml"]
     assert read_level_files(found.files).spawns[0].brush == "mine"
+
+
+def of_two_brushes(project, *names):
+    """A level whose two herds have these brushes; ``quick`` has other numbers than the shipped brush and ``slow``."""
+    from flockbrush.behaviours.brush import shipped
+
+    march = shipped().get("march")
+    for folder, weight in (("quick", 0.2), ("slow", 0.3), ("copy", 0.2)):
+        (project / folder).mkdir()
+        (project / folder / "march.brush.toml").write_bytes(march.with_parameters(alignment_weight=weight).source)
+    herds = herd(brush=names[0], count=2), {**herd(brush=names[1], count=2), "id": 2, "name": "herd B"}
+    path = project / "small.tmj"
+    path.write_text(json.dumps(level(tiles(), objects("spawns", *herds)), indent=1))
+    return path
+
+
+def test_two_brushes_of_one_name_are_a_problem(project):
+    path = of_two_brushes(project, "quick/march.brush.toml", "slow/march.brush.toml")
+    with pytest.raises(ProblemsError) as caught:
+        read_level(path)
+    (problem,) = map(str, caught.value.problems)
+    assert re.match(r".*small\.tmj:\d+: object 2 'herd B' in layer 'spawns': brush: slow/march", problem)
+    assert "slow/march.brush.toml and quick/march.brush.toml are different brushes of one name" in problem
+
+
+@pytest.mark.parametrize(
+    ("names", "warned"),
+    [
+        (("march", "quick/march.brush.toml"), ["brush 'march' is that of quick/march.brush.toml in this level"]),
+        (("copy/march.brush.toml", "quick/march.brush.toml"), []),
+        (("graze", "quick/march.brush.toml"), []),
+    ],
+)
+def test_a_brush_that_hides_one_of_the_library_is_a_warning(project, names, warned):
+    found = read_level(of_two_brushes(project, *names))
+    assert len(found.warnings) == len(warned)
+    assert all(said in str(told) for said, told in zip(warned, found.warnings, strict=True))
 
 
 def test_a_broken_brush_file_is_told_with_its_own_lines(project):

@@ -1,6 +1,7 @@
 """A level that is saved elsewhere, or under another name: the files it names are found, and no others are replaced."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,18 +102,29 @@ def test_adoption_in_another_folder_names_all_files_from_there(tmp_path):
     assert sorted(node[key] for node, key in file_references(document)) == ["../maps/goblin.tx", "../maps/theme.ogg"]
 
 
-def test_after_undo_a_brush_is_named_from_the_new_folder(tmp_path):
-    path = tmp_path / "game" / "maps" / "isle.tmj"
+def with_own_brush(path):
+    """A level whose herd has a brush that is named as a file, and an editor and a command that moves the herd."""
     written(path)
-    own = tmp_path / "game" / "own" / "own.brush.toml"
+    own = path.parent.parent / "own" / "own.brush.toml"
     own.parent.mkdir()
     own.write_bytes(MARCH)
-    text = path.read_text().replace('"value":"march"', '"value":"..\\/own\\/own.brush.toml"')
-    path.write_text(text)
-    editor = Editor.open(path)
+    path.write_text(path.read_text().replace('"value":"march"', '"value":"..\\/own\\/own.brush.toml"'))
     spawn = read_level(path).spawns[0]
-    points = (spawn.polygon + 1).tolist()
-    done(editor, MarkSpawn(id=1, name="herd A", points=points, brush="own", species=spawn.species, count=2))
+    points = (spawn.polygon - 1).tolist()
+    return Editor.open(path), MarkSpawn(id=1, name="herd A", points=points, brush="own", species="sheep", count=2)
+
+
+def test_a_brush_that_is_a_file_stays_one_when_its_herd_is_moved(tmp_path):
+    editor, move = with_own_brush(tmp_path / "game" / "maps" / "isle.tmj")
+    for brush in ("own", "graze", "own"):
+        done(editor, replace(move, brush=brush))
+        assert read_level_text(editor.text().encode(), editor.path).spawns[0].brush == brush
+    assert '"value":"..\\/own\\/own.brush.toml"' in editor.text()
+
+
+def test_after_undo_a_brush_is_named_from_the_new_folder(tmp_path):
+    editor, move = with_own_brush(tmp_path / "game" / "maps" / "isle.tmj")
+    done(editor, move)
     to = tmp_path / "away" / "new.tmj"
     to.parent.mkdir()
     editor.save(to)
