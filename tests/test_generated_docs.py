@@ -78,6 +78,16 @@ def test_shipped_files_satisfy_their_schema(path):
     assert list(jsonschema.Draft202012Validator(schema_of(path)).iter_errors(content(path))) == []
 
 
+def test_the_map_of_a_game_satisfies_the_schema_with_properties_of_its_own():
+    (path,) = [path for path in FILES if path.name == "meadow.tmj"]
+    file = content(path)
+    file["properties"].append({"name": "music", "type": "string", "value": "theme.ogg"})
+    check = jsonschema.Draft202012Validator(schema_of(path)).iter_errors
+    assert list(check(file))
+    file["layers"] = [{"name": "flockbrush", "type": "group", "layers": file["layers"]}]
+    assert list(check(file)) == []
+
+
 @pytest.mark.parametrize(
     ("name", "change"),
     [

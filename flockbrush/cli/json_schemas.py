@@ -7,12 +7,13 @@ the specification of sweeps.  The readers check more (names that must exist, sum
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from typing import Any
 
 from flockbrush.behaviours import brush
 from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.levels.level_class import ObjectClass, Property
-from flockbrush.levels.schema import CLASSES
+from flockbrush.levels.schema import CLASSES, GROUP
 from flockbrush.studies import sweep_file
 from flockbrush.studies.experiments import experiments
 
@@ -66,6 +67,8 @@ def sweep_schema() -> Schema:
 def level_schema() -> Schema:
     """Schema of ``NAME.tmj``: Tiled's JSON format with the classes and properties of Flockbrush."""
     classes = [c for c in CLASSES.values() if c.use == "object"]
+    level = CLASSES["FlockbrushLevel"]
+    group = {"required": ["name"], "properties": {"name": {"const": GROUP}}}
     schema: Schema = {
         "type": "object",
         "required": ["type", "layers", "width", "height", "tilewidth", "tileheight", "properties"],
@@ -74,10 +77,13 @@ def level_schema() -> Schema:
             "orientation": {"const": "orthogonal"},
             "width": {"type": "integer", "minimum": 1, "description": "tiles"},
             "height": {"type": "integer", "minimum": 1, "description": "tiles"},
-            "properties": _properties(CLASSES["FlockbrushLevel"]),
+            "properties": {"type": "array"},
             "layers": {"type": "array", "items": {"$ref": "#/$defs/layer"}},
             "tilesets": {"type": "array", "items": {"type": "object"}},
         },
+        "if": {"properties": {"layers": {"contains": group}}},  # the map of a game has properties of its own
+        "then": {"properties": {"properties": _properties(replace(level, open=True))}},
+        "else": {"properties": {"properties": _properties(level)}},
         "$defs": {
             "layer": {
                 "type": "object",
@@ -124,12 +130,8 @@ def _titled(schema, title, description):
 
 
 def _properties(cls: ObjectClass) -> Schema:
-    """Schema of the list of custom properties in Tiled: one item for each property of a class, or one for all.
-
-    A map has others, too.
-    """
-    others = cls.open or cls.use == "map"
-    names: Schema = {"type": "string"} if others else {"enum": [p.name for p in cls.properties]}
+    """Schema of the list of custom properties in Tiled: one item for each property of a class, or one for all."""
+    names: Schema = {"type": "string"} if cls.open else {"enum": [p.name for p in cls.properties]}
     item = {
         "type": "object",
         "required": ["name", "value"],
