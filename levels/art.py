@@ -135,10 +135,9 @@ class Art:
         layers = []
         for layer in self.layers:
             if layer.gids is None:
-                more = {"dx": layer.dx + west * self.tile, "dy": layer.dy + north * self.tile}
+                layers.append(replace(layer, dx=layer.dx + west * self.tile, dy=layer.dy + north * self.tile))
             else:
-                more = {"gids": np.pad(layer.gids, ((north, south), (west, east)))}
-            layers.append(replace(layer, **more))
+                layers.append(replace(layer, gids=np.pad(layer.gids, ((north, south), (west, east)))))
         shape = self.shape[0] + south + north, self.shape[1] + west + east
         painted = None if self.painted is None else np.pad(self.painted, pad)
         return replace(self, layers=layers, shape=shape, painted=painted)

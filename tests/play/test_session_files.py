@@ -243,6 +243,18 @@ def test_a_level_saved_in_another_folder_has_all_it_needs(session, tmp_path):
     again.close()
 
 
+def test_a_brush_that_the_level_names_as_a_file_goes_along_in_silence(tmp_path):
+    level = pasture(tmp_path / "levels", script=False, brush="own/march.brush.toml")
+    own = shipped().get("march").with_parameters(alignment_weight=0.2).source
+    (level.parent / "own").mkdir()
+    (level.parent / "own" / "march.brush.toml").write_bytes(own)
+    (tmp_path / "elsewhere").mkdir()
+    session = Session.open(level, state_folder=tmp_path / "state")
+    assert session.save(tmp_path / "elsewhere" / "walk.tmj") and texts(session) == []
+    session.close()
+    assert (tmp_path / "elsewhere" / "own" / "march.brush.toml").read_bytes() == own
+
+
 NEEDS = {  # a key, what is removed that it names, and what is said
     "species": (("SwitchBrush", {"brush": "march", "species": "wolf"}), "spawn", "there is no species 'wolf'"),
     "obstacle": (("MoveObstacle", {"name": "stone", "x": 12.0, "y": 4.0}), "obstacle", "there is no obstacle 'stone'"),
