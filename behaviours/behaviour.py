@@ -22,6 +22,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, get_args
 import numpy as np
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider
 from flockbrush.engine.plugins import load_entry_points, load_modules
+from flockbrush.engine.seam import short_way
 from pydantic import BaseModel, ConfigDict, Field
 
 Guided = Literal["front", "everyone", "share", "appointed"]  # who follows a guide (`flockbrush.systems.leaders`)
@@ -103,6 +104,9 @@ class Scene(NamedTuple):
     noticed: NoticedLists | None = None  # dangers, prey and leaders that animals notice
     bodies: Bodies | None = None  # what drives know of bodies; None where no drive could act
     by_slot: BySlot | None = None  # the same neighbours for models that say so (`Behaviour.by_slot`)
+    # m, size of a map that goes on at the opposite border, where places are apart as `flockbrush.engine.seam` says;
+    # (0, 0) of another
+    wrap: tuple[float, float] = (0.0, 0.0)
 
     @property
     def animals(self) -> Animals:
@@ -121,6 +125,7 @@ class Animals(NamedTuple):
     speed: np.ndarray  # (n,) m/s, the speed process
     length: np.ndarray  # (n,) m
     guidance: np.ndarray  # (n, 2) navigation field, length at most 1
+    wrap: tuple[float, float]  # m, size of a map that goes on at the opposite border; (0, 0) of another
 
 
 class NoticedLists(NamedTuple):
@@ -295,7 +300,9 @@ def _all_dangers(scene: Scene):
     observer, who = (rows[k] for rows, k in zip((timid, feared), np.nonzero(pairs), strict=True))
     first = np.zeros(len(scene.ids) + 1, np.int64)
     np.cumsum(np.bincount(observer, minlength=len(scene.ids)), out=first[1:])
-    return first, scene.xyz[who] - scene.xyz[observer]
+    offset = scene.xyz[who] - scene.xyz[observer]
+    offset[:, :2] = short_way(offset[:, :2], scene.wrap)
+    return first, offset
 
 
 def frozen(columns):

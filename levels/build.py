@@ -294,7 +294,7 @@ def landscape_of(level, palette):
         native.walkable,
         native.blind,
         native.cost,
-        relief_of() if height is None else relief_of(height.values, height.cell),
+        relief_of() if height is None else relief_of(height.values, height.cell, level.boundary == "wrap"),
         1.0 if height is None else height.cell,
         [replace(o) for o in sorted(level.obstacles, key=lambda o: not o.on_the_ground)],
         [replace(guide) for guide in level.guides],

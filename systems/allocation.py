@@ -29,9 +29,9 @@ from flockbrush.components import (
     Wish,
 )
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
+from flockbrush.engine.seam import short_way
 from flockbrush.systems.fauna import FEAR, NO_LIMIT, SpeciesList, by_medium, kin_of, kinds_of
 from flockbrush.systems.foresight import Ahead
-from flockbrush.systems.grid import short_way
 from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.leaders import where_sent
@@ -102,7 +102,7 @@ def bodies_of(world, speed):
     threat[:, :2] = short_way(threat[:, :2], land.wrap)
     return frozen(Bodies(
         aloft=aloft,
-        height=xyz[:, 2] - heights_of_ground(land.relief, land.relief_cell, xyz),
+        height=xyz[:, 2] - heights_of_ground(land.heights, xyz),
         top=top,
         flee=np.where(known, flee, usual),
         acceleration=np.where(known, most, 4.0 * usual),

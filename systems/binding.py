@@ -322,7 +322,7 @@ def _is_in(medium, air, aloft, low):
 
 
 @njit(cache=True, nogil=True)
-def mix_paint(lo, hi, animals, cell, sheets, air, mixes, key, out):
+def mix_paint(lo, hi, animals, cell, wrap, sheets, air, mixes, key, out):
     """Lay paint of part weight over what other paint has given to rows ``lo`` to ``hi``.
 
     The uppermost sheet that binds an animal mixes with what is below; those below it take a share of the animals.
@@ -330,6 +330,8 @@ def mix_paint(lo, hi, animals, cell, sheets, air, mixes, key, out):
     Parameters
     ----------
     animals : Bindable
+    wrap : (float, float)
+        m, size of a map that goes on at the opposite border; (0, 0) of another.
     sheets : Mixing
     air : (b,) bool
         Whether a brush moves in the air.
@@ -364,7 +366,7 @@ def mix_paint(lo, hi, animals, cell, sheets, air, mixes, key, out):
                 continue
             if not _is_in(sheets.medium[s], air[b], aloft, low):
                 continue
-            weight, own = bilinear_(sheets.weight[s], cell, xyz[i, 0], xyz[i, 1]), uniform_(key, ids[i], s)
+            weight, own = bilinear_(sheets.weight[s], cell, xyz[i, 0], xyz[i, 1], wrap), uniform_(key, ids[i], s)
             under = out[i] if out[i] >= 0 else home[i]
             if s == top and not sheets.shares[s] and under != b and mixes[under, b] >= 0:
                 step = int(weight * STEPS + own)

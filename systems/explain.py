@@ -28,12 +28,12 @@ from flockbrush.components import (
 from flockbrush.components.agent import BY_VELOCITY
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
+from flockbrush.engine.seam import short_way
 from flockbrush.engine.world import World
 from flockbrush.systems.allocation import asked, drives_by_rows
 from flockbrush.systems.decide import Roles
 from flockbrush.systems.fauna import SpeciesList, kinds_of
 from flockbrush.systems.foresight import Ahead, SeeAhead, ShiftMigration
-from flockbrush.systems.grid import short_way
 from flockbrush.systems.ground import Underfoot
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed

@@ -11,8 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.seam import short_way_
 from flockbrush.engine.solid_queries import blocks_
 from flockbrush.engine.solids import Solids
+from flockbrush.systems.ground_height import Heights
 from flockbrush.systems.noticing import behind_a_hill, crosses_an_edge
 from numba import njit
 
@@ -28,10 +30,7 @@ class Eyes(NamedTuple):
     aloft: np.ndarray  # (n,) bool
     edges: np.ndarray  # (e, 4) m, opaque on the ground
     solids: Solids  # opaque in space
-    relief: np.ndarray
-    relief_cell: float  # m
-    width: float  # m, of a periodic map; 0: of another
-    height: float
+    heights: Heights
 
 
 def count_far(eyes, rows, targets, reach):
@@ -53,12 +52,13 @@ def sees_place(eyes, rows, place, reach):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _count(lo, hi, eyes, rows, targets, x, reach, count):
-    wraps = 1 if eyes.width > 0.0 else 0
+    width = eyes.heights.wrap[0]
+    wraps = 1 if width > 0.0 else 0
     for k in range(lo, hi):
         i = rows[k]
         end = 0
         for image in range(-wraps, wraps + 1):  # those in reach by x alone, each once
-            middle = eyes.xyz[i, 0] + image * eyes.width
+            middle = eyes.xyz[i, 0] + image * width
             begin = max(end, np.searchsorted(x, middle - reach[i]))
             end = max(end, np.searchsorted(x, middle + reach[i], side="right"))
             for t in range(begin, end):
@@ -76,11 +76,9 @@ def _place(lo, hi, eyes, rows, x, y, z, reach, out):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _sees(eyes, i, place, radius, aloft, reach):
     """Whether animal i sees a place, above which something is ``radius`` high."""
-    x, y = place[0] - eyes.xyz[i, 0], place[1] - eyes.xyz[i, 1]
+    heights = eyes.heights
+    x, y = short_way_(place[0] - eyes.xyz[i, 0], place[1] - eyes.xyz[i, 1], heights.wrap)
     z = place[2] - eyes.xyz[i, 2]
-    if eyes.width > 0.0:
-        x -= eyes.width * np.floor(x / eyes.width + 0.5)
-        y -= eyes.height * np.floor(y / eyes.height + 0.5)
     d2 = x * x + y * y + z * z
     if d2 > reach * reach:
         return False
@@ -90,9 +88,9 @@ def _sees(eyes, i, place, radius, aloft, reach):
             return False
     px, py, pz = eyes.xyz[i, 0], eyes.xyz[i, 1], eyes.xyz[i, 2] + eyes.up[i]
     rise = z - eyes.up[i] + radius
-    if not (eyes.aloft[i] or aloft) and crosses_an_edge(eyes.edges, px, py, x, y):
+    if not (eyes.aloft[i] or aloft) and crosses_an_edge(eyes.edges, px, py, x, y, heights.wrap):
         return False
     if len(eyes.solids.kind) and blocks_(eyes.solids, px, py, pz, x, y, rise):
         return False
-    hills = eyes.relief.shape[0] * eyes.relief.shape[1] > 1
-    return not (hills and behind_a_hill(eyes.relief, eyes.relief_cell, px, py, pz, x, y, rise))
+    hills = heights.relief.shape[0] * heights.relief.shape[1] > 1
+    return not (hills and behind_a_hill(heights, px, py, pz, x, y, rise))

@@ -29,6 +29,7 @@ from flockbrush.behaviours.behaviour import Flight
 from flockbrush.components import Airborne, Body, Heading, Position, Velocity
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
 from flockbrush.engine.maths import atan2_, inner_kernel, kernel_function, sincos_
+from flockbrush.engine.seam import on_the_map_
 from flockbrush.engine.solid_queries import out_of_, slide_
 from flockbrush.systems.ground_height import below, height_of_ground, round_steep_ground
 from flockbrush.systems.sightline import step
@@ -145,7 +146,6 @@ def fly(lo, hi, order, dt, flyers, limits, wanted, solids, hills):
     xyz, velocity, forward, up, _, radius = flyers
     flight, brush, turn, climb, _, cap = limits
     heights = hills.heights
-    relief, cell, (width, depth) = heights
     for o in range(lo, hi):
         i = order[o]
         held, limit, w = flight[brush[i], GROUNDED] != 0.0, turn[i] * dt, radius[i]
@@ -168,7 +168,7 @@ def fly(lo, hi, order, dt, flyers, limits, wanted, solids, hills):
         if held:
             px, py = _on_its_ground(hills, i, x, y, px, py, fx, fy, w, solids)
             touched |= (px != x + nx * dt) | (py != y + ny * dt)
-        low = height_of_ground(relief, cell, px, py) + w
+        low = height_of_ground(heights, px, py) + w
         if held:
             touched |= pz != low - w
             pz = low - w
@@ -185,8 +185,7 @@ def fly(lo, hi, order, dt, flyers, limits, wanted, solids, hills):
                     hx, hy, hz = _unit(hx, hy, hz, gx, gy, gz)
                 ux, uy, uz = turned_without_roll(ux, uy, uz, gx, gy, gz, hx, hy, hz)
                 gx, gy, gz = hx, hy, hz
-        if width > 0.0:
-            px, py = px - width * np.floor(px / width), py - depth * np.floor(py / depth)
+        px, py = on_the_map_(px, py, heights.wrap)
         xyz[i, 0], xyz[i, 1], xyz[i, 2] = px, py, pz
         velocity[i, 0], velocity[i, 1], velocity[i, 2] = nx, ny, nz
         forward[i, 0], forward[i, 1], forward[i, 2] = gx, gy, gz
@@ -248,7 +247,7 @@ def _on_its_ground(hills, i, x, y, px, py, fx, fy, w, solids):
     sx, sy = round_steep_ground(hills, i, x, y, px - x, py - y, fx, fy)
     if sx == px - x and sy == py - y:
         return px, py
-    z = height_of_ground(hills.heights.relief, hills.heights.cell, x + sx, y + sy)
+    z = height_of_ground(hills.heights, x + sx, y + sy)
     if len(solids.kind):
         _, qx, qy, _ = out_of_(solids, x + sx, y + sy, z, w + CLEAR)
         if qx != x + sx or qy != y + sy:
@@ -259,10 +258,9 @@ def _on_its_ground(hills, i, x, y, px, py, fx, fy, w, solids):
 @inner_kernel
 def _over_the_ground(x, y, z, px, py, pz, rise, w, solids, heights):
     """Where a step from (x, y, z) into the ground at (px, py, pz) ends, for a body of radius w that may rise so far."""
-    relief, cell, _ = heights
-    here = height_of_ground(relief, cell, x, y) + w
-    px, py = below(relief, cell, x, y, px - x, py - y, max(z + rise, here) - w)
-    low = height_of_ground(relief, cell, px, py) + w
+    here = height_of_ground(heights, x, y) + w
+    px, py = below(heights, x, y, px - x, py - y, max(z + rise, here) - w)
+    low = height_of_ground(heights, px, py) + w
     pz = max(pz, low)
     if len(solids.kind):  # lifted by the ground into something that hangs over it
         _, qx, qy, qz = out_of_(solids, px, py, pz, w + CLEAR)

@@ -12,13 +12,15 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.components import Airborne, Body, BrushBinding, Heading, Migration, Position, Velocity
+from flockbrush.components import Airborne, Body, BrushBinding, Heading, Migration, Position, Species, Velocity
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.engine.solid_queries import BodyFrame, ahead_, far_, past_, surface_
 from flockbrush.engine.solids import Solids, no_solids, with_cylinders
+from flockbrush.systems.fauna import SpeciesList, by_medium
 from flockbrush.systems.flight import flyers_of
+from flockbrush.systems.grid import with_ghosts
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
@@ -26,6 +28,7 @@ from flockbrush.systems.senses import Near
 from numba import njit
 
 ROOM = 0.5  # body lengths beside the body that count as in the way
+NEAR = 2.0  # body lengths beyond its time of foresight that an animal looks ahead
 
 
 class Foreseen(NamedTuple):
@@ -58,7 +61,9 @@ class SeeAhead(System):
     """The first solid in the way, and the way past it."""
 
     stage = Stage.SENSE
-    reads = (Near, Position, Velocity, Heading, Airborne, Body, BrushBinding, Palette, Landscape)
+    reads = (
+        Near, Position, Velocity, Heading, Airborne, Body, BrushBinding, Species, SpeciesList, Palette, Landscape
+    )  # fmt: skip
     writes = (Ahead,)
 
     def process(self, world):
@@ -69,8 +74,11 @@ class SeeAhead(System):
             return
         aim = agents[Heading.forward].copy()
         foreseen = Foreseen(np.full(n, np.inf), aim, np.full(n, np.inf), np.zeros((n, 3)), np.zeros(n))
-        order, solids = np.flatnonzero(near.aloft), in_the_way(agents, land.sky, near.aloft)
-        foresight = palette.foresight[agents[BrushBinding.brush]]
+        order, foresight = np.flatnonzero(near.aloft), palette.foresight[agents[BrushBinding.brush]]
+        table = world.resource(SpeciesList).table
+        [top] = by_medium(table, agents[Species.index], near.aloft, table.speed)
+        reach = float((foresight * top + (NEAR + ROOM) * agents[Body.length])[order].max())
+        solids = in_the_way(agents, land.sky, near.aloft, land.wrap, reach)
         over_rows(
             _look_ahead, len(order), order, agents.ids, flyers_of(agents), foresight, solids, land.heights, foreseen
         )
@@ -93,14 +101,21 @@ class ShiftMigration(System):
             left[moving] = np.maximum(left[moving] - dt, 0.0)
 
 
-def in_the_way(agents, sky, aloft):
-    """The solids of the sky, and the bodies of animals on the ground where they are now."""
+def in_the_way(agents, sky, aloft, wrap=None, reach=0.0):
+    """The solids of the sky, and the bodies of animals on the ground where they are now.
+
+    Those within ``reach`` m of a border over which the map goes on are beyond the opposite one, too.
+    """
     walkers = np.flatnonzero(~aloft)
     if not len(walkers):
         return sky
+    xyz, size = agents[Position.xyz], agents[Body.axis] + agents[Body.radius]
+    x, y = xyz[walkers, 0], xyz[walkers, 1]
+    if wrap is not None:
+        reach = min(reach, 0.5 * max(wrap)) + float(size[walkers].max())
+        x, y, walkers = with_ghosts(x, y, walkers, reach, wrap)
     radius = agents[Body.radius][walkers]
-    centre = agents[Position.xyz][walkers] + np.column_stack([np.zeros((len(walkers), 2)), radius])
-    return with_cylinders(sky, centre, agents[Body.axis][walkers] + radius, radius)
+    return with_cylinders(sky, np.column_stack([x, y, xyz[walkers, 2] + radius]), size[walkers], radius)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -110,11 +125,11 @@ def _look_ahead(lo, hi, order, ids, flyers, foresight, solids, heights, foreseen
     for o in range(lo, hi):
         i = order[o]
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        height[i] = z - height_of_ground(heights.relief, heights.cell, x, y)
+        height[i] = z - height_of_ground(heights, x, y)
         if foresight[i] <= 0.0 or len(solids.kind) == 0:
             continue
         speed = np.sqrt(velocity[i, 0] ** 2 + velocity[i, 1] ** 2 + velocity[i, 2] ** 2)
-        reach = foresight[i] * speed + 2.0 * length[i]
+        reach = foresight[i] * speed + NEAR * length[i]
         fx, fy, fz = forward[i, 0], forward[i, 1], forward[i, 2]
         who, distance = ahead_(solids, x, y, z, fx, fy, fz, reach, radius[i] + ROOM * length[i])
         if who >= 0:

@@ -31,7 +31,7 @@ from flockbrush.components.formation import FormationPlace, Lost
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.noise import Noise
-from flockbrush.systems.grid import short_way
+from flockbrush.engine.seam import short_way
 from flockbrush.systems.gusts import blow
 from flockbrush.systems.initiation import Flying, Following, decide, fitting, target_of, usual
 from flockbrush.systems.landscape import Landscape
@@ -99,7 +99,7 @@ def _keep(world, rows, met, p, sees, leads, variant):
     reference = _rows_of(ids, rows, agents[FormationPlace.reference][rows])
     xy, wrap = agents[Position.xyz][rows, :2], world.resource(Landscape).wrap
     appointed = agents[Leading.appointed][rows] > 0
-    leader = _leader(place, appointed if appointed.any() else leads, xy, forward)
+    leader = _leader(place, appointed if appointed.any() else leads, xy, forward, wrap)
     led = agents[FormationPlace.led][rows]
     if p.turns > 0.0 and led[leader] >= p.turns and n > 2 and not appointed[leader]:
         leader = _change_leader(leader, reference, arm, place)
@@ -155,14 +155,15 @@ def _rows_of(ids, rows, entities):
     return np.where(ids[rows[at]] == entities, at, -1)
 
 
-def _leader(place, leads, xy, forward):
+def _leader(place, leads, xy, forward, wrap):
     """Who has led a skein so far, or is appointed; of several, or where nobody has, the front-most."""
     some = next((some for some in (leads & (place == 0), leads, place == 0) if some.any()), np.full(len(place), True))
     candidates = np.flatnonzero(some)
     if len(candidates) == 1:
         return int(candidates[0])
     ahead = _unit(np.array([_sum(forward[:, 0]), _sum(forward[:, 1])]))
-    along = (xy[:, 0] - xy[0, 0]) * ahead[0] + (xy[:, 1] - xy[0, 1]) * ahead[1]
+    away = short_way(xy - xy[0], wrap)
+    along = away[:, 0] * ahead[0] + away[:, 1] * ahead[1]
     return int(candidates[np.argmax(along[candidates])])
 
 

@@ -46,14 +46,6 @@ class Cells(NamedTuple):
         return self.x, self.y
 
 
-def short_way(offset, wrap):
-    """Offsets (..., 2) m on a map ``wrap`` (2,) m that goes on at the opposite border, over it where that is shorter.
-
-    ``wrap`` None: the map ends there.
-    """
-    return offset if wrap is None else offset - np.multiply(wrap, np.floor(offset / np.array(wrap) + 0.5))
-
-
 def farthest_sight(wrap):
     """How far anybody can see on such a map, m: where it goes on at the opposite border, half its shorter side.
 
@@ -89,7 +81,7 @@ def sort_into_cells(xyz, forward, length, radius, reach, wrap=None, rows=None):
         x, y = x[rows], y[rows]
     count = len(x)
     if wrap is not None:
-        x, y, rows = _with_ghosts(x, y, rows, reach, wrap)
+        x, y, rows = with_ghosts(x, y, rows, reach, wrap)
     box = _extent(x, y)
     if not np.isfinite(box[0]):
         wrong = np.flatnonzero(~np.isfinite(xyz[:, 0] + xyz[:, 1]))
@@ -106,7 +98,8 @@ def sort_into_cells(xyz, forward, length, radius, reach, wrap=None, rows=None):
     return Cells(*columns, start, nx, ny, cell, west, south, density, slots)
 
 
-def _with_ghosts(x, y, rows, reach, wrap):
+def with_ghosts(x, y, rows, reach, wrap):
+    """Places (n,) m and their rows, followed by the copies of those within ``reach`` m of a wrapped map."""
     width, height = wrap
     xs, ys, rs = [x], [y], [rows]
     for dx in (-width, 0.0, width):

@@ -106,7 +106,8 @@ class Underfoot(System):
             over_rows(painted_for, n, animals, land.cell, sheets, land.painted.brush, air, painted)
         if land.sheets.mixing:
             sheets, key = land.sheets.packed_mixing(palette, fauna), world.resource(Noise).key("paint", 0)
-            over_rows(mix_paint, n, animals, land.cell, sheets, air, palette.mixes, key, painted)
+            wrap = land.heights.wrap
+            over_rows(mix_paint, n, animals, land.cell, wrap, sheets, air, palette.mixes, key, painted)
 
 
 class TakingUp(NamedTuple):

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from flockbrush.engine.maths import sincos_
+from flockbrush.engine.raster import corners_
+from flockbrush.engine.seam import on_the_map_
 from numba import njit
 
 
@@ -29,39 +31,33 @@ TURNS, TURN = 24, np.pi / 24  # of a wish, to either side, in search of a way th
 
 
 @njit(cache=True, nogil=True)
-def height_of_ground(relief, cell, x, y):
-    """Metres, bilinear between the centres of cells; ``relief`` as from `flockbrush.systems.terrain.relief_of`."""
-    my, mx = relief.shape[0], relief.shape[1]
-    u, v = min(max(x / cell - 0.5, 0.0), mx - 1.0), min(max(y / cell - 0.5, 0.0), my - 1.0)
-    west, south = int(u), int(v)
-    east, north = min(west + 1, mx - 1), min(south + 1, my - 1)
-    a, b = u - west, v - south
+def height_of_ground(heights, x, y):
+    """Metres, bilinear between the centres of cells."""
+    relief, cell, wrap = heights
+    west, east, a = corners_(x, cell, relief.shape[1], wrap[0])
+    south, north, b = corners_(y, cell, relief.shape[0], wrap[1])
     low = relief[south, west, 0] * (1.0 - a) + relief[south, east, 0] * a
     high = relief[north, west, 0] * (1.0 - a) + relief[north, east, 0] * a
     return low * (1.0 - b) + high * b
 
 
 @njit(cache=True, nogil=True)
-def heights_of_ground(relief, cell, xyz):
+def heights_of_ground(heights, xyz):
     """(n,) m below places (n, 2 or 3)."""
     out = np.empty(len(xyz))
     for i in range(len(xyz)):
-        out[i] = height_of_ground(relief, cell, xyz[i, 0], xyz[i, 1])
+        out[i] = height_of_ground(heights, xyz[i, 0], xyz[i, 1])
     return out
 
 
 @njit(cache=True, nogil=True)
 def share_within(heights, x, y, dx, dy, most):
     """How much of a step (dx, dy) along the ground is no longer than ``most`` in space, m; 1 where all of it is."""
-    relief, cell, wrap = heights
-    below = height_of_ground(relief, cell, x, y)
+    below = height_of_ground(heights, x, y)
     low, high = 0.0, 1.0
     for again in range(24):
         part = 1.0 if again == 0 else 0.5 * (low + high)
-        px, py = x + part * dx, y + part * dy
-        if wrap[0] > 0.0:
-            px, py = px - wrap[0] * np.floor(px / wrap[0]), py - wrap[1] * np.floor(py / wrap[1])
-        rise = height_of_ground(relief, cell, px, py) - below
+        rise = height_of_ground(heights, x + part * dx, y + part * dy) - below
         if part * part * (dx * dx + dy * dy) + rise * rise <= most * most:
             if again == 0:
                 return 1.0
@@ -74,9 +70,8 @@ def share_within(heights, x, y, dx, dy, most):
 @njit(cache=True, nogil=True)
 def steepness_at(hills, x, y):
     """Slope of the ground at (x, y) m."""
-    cell, wrap = hills.heights.cell, hills.heights.wrap
-    if wrap[0] > 0.0:
-        x, y = x - wrap[0] * np.floor(x / wrap[0]), y - wrap[1] * np.floor(y / wrap[1])
+    cell = hills.heights.cell
+    x, y = on_the_map_(x, y, hills.heights.wrap)
     ny, nx = hills.steepness.shape
     ix, iy = min(max(x / cell + 0.5, 0.0), nx - 1.0), min(max(y / cell + 0.5, 0.0), ny - 1.0)
     return hills.steepness[int(iy), int(ix)]
@@ -87,11 +82,7 @@ def is_too_steep(hills, x, y, dx, dy, steepest):
     """Whether a step (dx, dy) leads onto steeper ground.  From such ground it may lead on, but not upwards."""
     if steepness_at(hills, x + dx, y + dy) <= steepest:
         return False
-    relief, cell, wrap = hills.heights
-    px, py = x + dx, y + dy
-    if wrap[0] > 0.0:
-        px, py = px - wrap[0] * np.floor(px / wrap[0]), py - wrap[1] * np.floor(py / wrap[1])
-    up = height_of_ground(relief, cell, px, py) > height_of_ground(relief, cell, x, y)
+    up = height_of_ground(hills.heights, x + dx, y + dy) > height_of_ground(hills.heights, x, y)
     return up or steepness_at(hills, x, y) <= steepest
 
 
@@ -139,19 +130,20 @@ def turn_from_steep_ground(lo, hi, xyz, forward, wish, ahead, hills, turned):
 
 
 @njit(cache=True, nogil=True)
-def below(relief, cell, x, y, dx, dy, limit):
+def below(heights, x, y, dx, dy, limit):
     """Where a step (dx, dy) ends that stays over ground no higher than ``limit``, m: along a slope, else cut short."""
-    if height_of_ground(relief, cell, x + dx, y + dy) <= limit:
+    cell = heights.cell
+    if height_of_ground(heights, x + dx, y + dy) <= limit:
         return x + dx, y + dy
-    ex = height_of_ground(relief, cell, x + dx + cell, y + dy) - height_of_ground(relief, cell, x + dx - cell, y + dy)
-    ey = height_of_ground(relief, cell, x + dx, y + dy + cell) - height_of_ground(relief, cell, x + dx, y + dy - cell)
+    ex = height_of_ground(heights, x + dx + cell, y + dy) - height_of_ground(heights, x + dx - cell, y + dy)
+    ey = height_of_ground(heights, x + dx, y + dy + cell) - height_of_ground(heights, x + dx, y + dy - cell)
     up = (dx * ex + dy * ey) / max(ex * ex + ey * ey, 1e-300)
     if up > 0.0:
         dx, dy = dx - up * ex, dy - up * ey
     low, high = 0.0, 1.0
     for again in range(24):
         part = 1.0 if again == 0 else 0.5 * (low + high)
-        if height_of_ground(relief, cell, x + part * dx, y + part * dy) <= limit:
+        if height_of_ground(heights, x + part * dx, y + part * dy) <= limit:
             low = part
             if again == 0:
                 break

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 from flockbrush.components.level_things import ENUMS, Exit, Goal, Guide, Obstacle, as_before
-from flockbrush.engine.raster import bilinear_
 from flockbrush.engine.solids import Solids
 from flockbrush.systems.binding import Sheets
 from flockbrush.systems.fauna import STEEPEST
 from flockbrush.systems.ground_edges import across_seam, outline_edges, solid_images
-from flockbrush.systems.ground_height import Heights, Hills, heights_of_ground
+from flockbrush.systems.ground_height import Heights, Hills, height_of_ground, heights_of_ground
 from flockbrush.systems.marks import BRUSHES_OWN, Above, MapMarks
 from flockbrush.systems.navigation import Navigation, navigation_of
 from flockbrush.systems.sky_solids import solids_in_the_air, solids_on_the_ground
@@ -193,7 +192,7 @@ class Landscape:
     @functools.cached_property
     def steepness(self):
         """Slope of the ground, as from `flockbrush.systems.terrain.steepness_of`."""
-        return steepness_of(self.relief[..., 0], self.relief_cell)
+        return steepness_of(self.relief[..., 0], self.relief_cell, self.wrap is not None)
 
     def hills_for(self, steepest):
         """`Hills` for animals that walk up to these slopes (n,)."""
@@ -207,7 +206,7 @@ class Landscape:
     def ground(self, xy):
         """Height of the ground at one place, m."""
         flat = self.relief.shape[:2] == (1, 1)
-        return 0.0 if flat else float(bilinear_(self.relief[..., 0], self.relief_cell, xy[0], xy[1]))
+        return 0.0 if flat else float(height_of_ground(self.heights, xy[0], xy[1]))
 
     # the ground -----------------------------------------------------------------
 
@@ -360,7 +359,7 @@ class Landscape:
         if self.hilly:
             ny, nx = blocked.shape
             x, y = np.meshgrid((np.arange(nx) + 0.5) * self.cell, (np.arange(ny) + 0.5) * self.cell)
-            height = heights_of_ground(self.relief, self.relief_cell, np.stack([x.ravel(), y.ravel()], 1))
+            height = heights_of_ground(self.heights, np.stack([x.ravel(), y.ravel()], 1))
             height = height.reshape(blocked.shape)
             steep = steepest_within(self.steepness, self.relief_cell, blocked.shape, self.cell)
         closed = [blocked] if height is None else [blocked | (steep > limit) for limit in self.slope_limits]

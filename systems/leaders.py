@@ -22,9 +22,9 @@ from flockbrush.engine.commands import command
 from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.noise import Noise, uniform_
 from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.seam import short_way
 from flockbrush.systems.fauna import SpeciesList, by_medium
 from flockbrush.systems.flight import MAX_ACCELERATION
-from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.selection import OfAnimals

@@ -21,6 +21,7 @@ from flockbrush.components.agent import LANDING
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
+from flockbrush.engine.seam import on_the_map_
 from flockbrush.systems.contact import move_by_slot
 from flockbrush.systems.fauna import SpeciesList, by_medium
 from flockbrush.systems.flight import FlightLimits, WantedFlight, fly, flyers_of
@@ -115,7 +116,8 @@ def _fly(world, near, max_turn, top):
     held, hills = palette.grounded[agents[BrushBinding.brush]][order], _hills(world)
     for rows, solids in ((order[~held], land.sky), (order[held], land.standing if held.any() else None)):
         if len(rows):
-            around = in_the_way(agents, solids, near.aloft)
+            reach = float((dt * limits.cap + agents[Body.radius])[rows].max())
+            around = in_the_way(agents, solids, near.aloft, land.wrap, reach)
             over_rows(fly, len(rows), rows, dt, flyers, limits, wanted, around, hills)
     _raise_noses_at_landing(agents, order)
 
@@ -140,17 +142,14 @@ def _raise_noses_at_landing(agents, flyers):
 @njit(cache=True, nogil=True, error_model="numpy")
 def _go(lo, hi, order, row, going, dt, heights, xyz, velocity, forward):
     step, heading = going
-    relief, relief_cell, (width, height) = heights
-    flat = relief.shape[0] == 1 and relief.shape[1] == 1
+    flat = heights.relief.shape[0] == 1 and heights.relief.shape[1] == 1
     for o in range(lo, hi):
         s = order[o]
         i = row[s]
-        below = 0.0 if flat else height_of_ground(relief, relief_cell, xyz[i, 0], xyz[i, 1])
+        below = 0.0 if flat else height_of_ground(heights, xyz[i, 0], xyz[i, 1])
         velocity[i, 0], velocity[i, 1] = step[s, 0] / dt, step[s, 1] / dt
-        x, y = xyz[i, 0] + step[s, 0], xyz[i, 1] + step[s, 1]
-        if width > 0.0:
-            x, y = x - width * np.floor(x / width), y - height * np.floor(y / height)
-        rise = 0.0 if flat else height_of_ground(relief, relief_cell, x, y) - below
+        x, y = on_the_map_(xyz[i, 0] + step[s, 0], xyz[i, 1] + step[s, 1], heights.wrap)
+        rise = 0.0 if flat else height_of_ground(heights, x, y) - below
         above = xyz[i, 2] - below
         if abs(above) > STANDING:  # nobody stands in the air, nor in the ground
             rise -= min(above, max(SETTLE, min(FALL, 1.5 * above)) * dt)

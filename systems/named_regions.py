@@ -7,7 +7,7 @@ import math
 import numpy as np
 from flockbrush.behaviours.trigger import Happening
 from flockbrush.components import Position
-from flockbrush.systems.grid import short_way
+from flockbrush.engine.seam import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.spawning import inside_polygon
 

@@ -19,9 +19,10 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.maths import exp_, inner_kernel, sincos_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
+from flockbrush.engine.seam import on_the_map_, short_way_
 from flockbrush.engine.solid_queries import blocks_
 from flockbrush.systems.fauna import FEAR, FOLLOW, HUNT, SpeciesList, kinds_of
-from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.ground_height import Heights, height_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near
@@ -61,10 +62,7 @@ class Hiding(NamedTuple):
 
     edges: np.ndarray  # (k, 4) m
     solids: Any  # `flockbrush.engine.solids.Solids`
-    relief_cell: float  # m
-    relief: np.ndarray
-    width: float  # m, of a wrapped map, else 0
-    depth: float
+    heights: Heights
 
 
 @dataclass
@@ -114,7 +112,6 @@ def noticed_by(agents, land, aloft, kind, verb, relations, table):
     n, species = len(agents), agents[Species.index]
     aloft = np.zeros(n, np.bool_) if aloft is None else aloft
     cosine = np.array([-1.0 if v >= np.pi else sincos_(v)[1] for v in table.view / 2.0])[species]
-    wrap = (0.0, 0.0) if land.wrap is None else land.wrap
     by_kind = np.argsort(kind, kind="stable").astype(np.int32)
     kind_first = np.searchsorted(kind[by_kind], np.arange(len(verb) + 1))
     watchers = Watchers(
@@ -122,7 +119,7 @@ def noticed_by(agents, land, aloft, kind, verb, relations, table):
         agents[Individual.boldness], agents[Alarm.level], cosine, table.eyes[species] * agents[Body.length],
     )  # fmt: skip
     kinds = ByKind(by_kind, kind_first, verb, relations.notice)
-    hiding = Hiding(land.opaque.ends, land.opaque_solids, land.relief_cell, land.relief, *wrap)
+    hiding = Hiding(land.opaque.ends, land.opaque_solids, land.heights)
     given = watchers, kinds, hiding
     count = np.zeros(n, np.int64)
     nothing = np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros(0)
@@ -144,8 +141,8 @@ def _notice(lo, hi, watchers, kinds, hiding, first, near, offset, distance, coun
     forward, cosine, kind_first, verb, notice = (
         watchers.forward, watchers.cosine, kinds.kind_first, kinds.verb, kinds.notice
     )  # fmt: skip
-    edges, solids, relief, width, depth = hiding.edges, hiding.solids, hiding.relief, hiding.width, hiding.depth
-    write, hills = len(near) > 0, relief.shape[0] * relief.shape[1] > 1
+    edges, solids, heights = hiding
+    write, hills = len(near) > 0, heights.relief.shape[0] * heights.relief.shape[1] > 1
     for i in range(lo, hi):
         found = 0
         for c in range(len(verb)):
@@ -154,8 +151,7 @@ def _notice(lo, hi, watchers, kinds, hiding, first, near, offset, distance, coun
             for t in range(kind_first[c], kind_first[c + 1]):
                 j = kinds.by_kind[t]
                 x, y, z = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], xyz[j, 2] - xyz[i, 2]
-                if width > 0.0:
-                    x, y = x - width * np.floor(x / width + 0.5), y - depth * np.floor(y / depth + 0.5)
+                x, y = short_way_(x, y, heights.wrap)
                 reach = notice[kind[i], c]
                 if reach < 0.0:
                     reach = -reach * max(length[i], length[j])
@@ -171,11 +167,11 @@ def _notice(lo, hi, watchers, kinds, hiding, first, near, offset, distance, coun
                 up = watchers.eyes[i] if not aloft[i] else 0.0
                 rise = z - up + (radius[j] if not aloft[j] else 0.0)
                 px, py, pz = xyz[i, 0], xyz[i, 1], xyz[i, 2] + up
-                if not (aloft[i] or aloft[j]) and crosses_an_edge(edges, px, py, x, y):
+                if not (aloft[i] or aloft[j]) and crosses_an_edge(edges, px, py, x, y, heights.wrap):
                     continue
                 if len(solids.kind) and blocks_(solids, px, py, pz, x, y, rise):
                     continue
-                if hills and behind_a_hill(relief, hiding.relief_cell, px, py, pz, x, y, rise):
+                if hills and behind_a_hill(heights, px, py, pz, x, y, rise):
                     continue
                 if write:
                     at = first[i] + found
@@ -186,24 +182,33 @@ def _notice(lo, hi, watchers, kinds, hiding, first, near, offset, distance, coun
 
 
 @inner_kernel
-def crosses_an_edge(edges, x, y, ox, oy):
-    """Whether the way from (x, y) by an offset crosses an edge that blocks the view."""
-    x0, x1, y0, y1 = min(x, x + ox), max(x, x + ox), min(y, y + oy), max(y, y + oy)
-    for e in range(len(edges)):
-        ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
-        if min(ax, bx) > x1 or max(ax, bx) < x0 or min(ay, by) > y1 or max(ay, by) < y0:
+def crosses_an_edge(edges, x, y, ox, oy, wrap):
+    """Whether the way from (x, y) by an offset crosses an edge that blocks the view.
+
+    Where it leaves a map that goes on at the opposite border, the edges there count.
+    """
+    cx, cy = on_the_map_(x + ox, y + oy, wrap)
+    cx, cy = cx - ox, cy - oy  # from there it comes in
+    for image in range(4 if wrap[0] > 0.0 else 1):
+        px, py = cx if image & 1 else x, cy if image & 2 else y
+        if (image & 1 and abs(cx - x) < 0.5 * wrap[0]) or (image & 2 and abs(cy - y) < 0.5 * wrap[1]):
             continue
-        if crosses(x, y, x + ox, y + oy, ax, ay, bx, by):
-            return True
+        x0, x1, y0, y1 = min(px, px + ox), max(px, px + ox), min(py, py + oy), max(py, py + oy)
+        for e in range(len(edges)):
+            ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+            if min(ax, bx) > x1 or max(ax, bx) < x0 or min(ay, by) > y1 or max(ay, by) < y0:
+                continue
+            if crosses(px, py, px + ox, py + oy, ax, ay, bx, by):
+                return True
     return False
 
 
 @inner_kernel
-def behind_a_hill(relief, cell, x, y, z, ox, oy, oz):
+def behind_a_hill(heights, x, y, z, ox, oy, oz):
     """Whether the ground rises above the line from (x, y, z) by an offset."""
     for k in range(1, STEPS):
         t = k / STEPS
-        if height_of_ground(relief, cell, x + t * ox, y + t * oy) > z + t * oz:
+        if height_of_ground(heights, x + t * ox, y + t * oy) > z + t * oz:
             return True
     return False
 

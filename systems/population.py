@@ -22,7 +22,7 @@ from flockbrush.engine.noise import Noise
 from flockbrush.engine.solid_queries import out_of_
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.grid import farthest_sight
-from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.spawning import Capsules, NoRoom, free_ground, place
@@ -122,7 +122,7 @@ def _heights(land, xy):
     """m, (n,): of the ground."""
     if land.relief.shape[:2] == (1, 1):
         return np.zeros(len(xy))
-    return np.array([height_of_ground(land.relief, land.relief_cell, x, y) for x, y in xy])
+    return heights_of_ground(land.heights, xy)
 
 
 def body_of(brush, species):

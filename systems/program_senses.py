@@ -19,9 +19,9 @@ from flockbrush.components import (
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import Noise, key_, uniform_
+from flockbrush.engine.seam import short_way
 from flockbrush.systems.far_sight import Eyes, count_far, sees_place
 from flockbrush.systems.fauna import SOLITARY, SpeciesList
-from flockbrush.systems.grid import short_way
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.named_regions import in_goal, in_region, middle_of_region
@@ -180,7 +180,7 @@ class WorldSenses:
 
     def _height(self):
         out = np.empty(len(self.ids))
-        _heights(self.xyz, self._land.relief, self._land.relief_cell, out)
+        _heights(self.xyz, self._land.heights, out)
         return out
 
     # memory and sight
@@ -205,7 +205,7 @@ class WorldSenses:
         return Eyes(
             self.xyz, agents[Heading.forward], np.where(agents[Alarm.level] > 0.0, -1.0, cosine),
             np.where(aloft, 0.0, table.eyes[self.species] * self.length), np.where(aloft, 0.0, agents[Body.radius]),
-            aloft, land.opaque.ends, land.opaque_solids, land.relief, land.relief_cell, *map(float, self.wrap),
+            aloft, land.opaque.ends, land.opaque_solids, land.heights,
         )  # fmt: skip
 
     def perceives(self, rows, happening, within):
@@ -234,7 +234,7 @@ def _draw(stream, ids, rows, ticks, low, high, out):
 
 
 @njit(cache=True, nogil=True)
-def _heights(xyz, relief, cell, out):
-    flat = relief.shape[0] == 1 and relief.shape[1] == 1
+def _heights(xyz, heights, out):
+    flat = heights.relief.shape[0] == 1 and heights.relief.shape[1] == 1
     for i in range(len(xyz)):
-        out[i] = xyz[i, 2] - (0.0 if flat else height_of_ground(relief, cell, xyz[i, 0], xyz[i, 1]))
+        out[i] = xyz[i, 2] - (0.0 if flat else height_of_ground(heights, xyz[i, 0], xyz[i, 1]))

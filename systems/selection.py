@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.components import Position, Species
 from flockbrush.engine.problems import did_you_mean
+from flockbrush.engine.seam import short_way
 from flockbrush.systems.binding import can_do, cannot, cannot_follow
-from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList

@@ -9,6 +9,7 @@ different ways always pass.  Ours; the paper has one flock that sees itself.
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.engine.seam import short_way
 from numba import njit
 
 ALIKE = 0.5  # cosine of the angle between headings within which two skeins join
@@ -82,9 +83,7 @@ def _attach(links, label, xy, free, either, wrap):
     """Link each cluster of free birds with one bird of a skein: the nearest that one of them sees."""
     to = np.flatnonzero(~free)
     loose = np.flatnonzero(free)
-    away = xy[loose, None] - xy[None, to]
-    if wrap is not None:
-        away = away - np.array(wrap) * np.floor(away / np.array(wrap) + 0.5)
+    away = short_way(xy[loose, None] - xy[None, to], wrap)
     far = np.where(either[np.ix_(loose, to)], (away**2).sum(2), np.inf)
     nearest = far.argmin(axis=1)
     best = far[np.arange(len(loose)), nearest]

@@ -33,6 +33,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
+from flockbrush.engine.seam import short_way
 from flockbrush.systems.allocation import (
     allocate,
     asked,
@@ -45,7 +46,6 @@ from flockbrush.systems.allocation import (
 )
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.foresight import Ahead
-from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.noticing import Noticed
 from flockbrush.systems.palette import Palette
@@ -226,6 +226,7 @@ def scene_of(world, lists=True):
         _noticed(world),
         bodies,
         _by_slot(sight.found, species),
+        world.resource(Landscape).heights.wrap,
     )
     return frozen(scene)
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from flockbrush.engine.maths import exp_
+from flockbrush.engine.raster import corners_
 from numba import njit
 
 NO_BRUSH = -1
@@ -54,7 +55,7 @@ def underfoot(lo, hi, xyz, cell, surface, brush, heights, footing):
     footing : Footing
         Is written.
     """
-    relief, relief_cell, _ = heights
+    relief, relief_cell, wrap = heights
     out_factor, out_cap, out_brush, out_slope, out_z = footing
     ny, nx = brush.shape
     my, mx = relief.shape[0], relief.shape[1]
@@ -64,11 +65,8 @@ def underfoot(lo, hi, xyz, cell, surface, brush, heights, footing):
         iy = int(min(max(y / cell, 0.0), ny - 1.0))
         out_factor[i], out_cap[i] = surface[iy, ix, 0], surface[iy, ix, 1]
         out_brush[i] = brush[iy, ix]
-        u = min(max(x / relief_cell - 0.5, 0.0), mx - 1.0)
-        v = min(max(y / relief_cell - 0.5, 0.0), my - 1.0)
-        west, south = int(u), int(v)
-        east, north = min(west + 1, mx - 1), min(south + 1, my - 1)
-        a, b = u - west, v - south
+        west, east, a = corners_(x, relief_cell, mx, wrap[0])
+        south, north, b = corners_(y, relief_cell, my, wrap[1])
         sw, se, nw, ne = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
         p, q, r, s = relief[south, west], relief[south, east], relief[north, west], relief[north, east]
         out_z[i] = sw * p[0] + se * q[0] + nw * r[0] + ne * s[0]
@@ -246,7 +244,7 @@ def fence_(blocked, polygon):
                     blocked[iy, ix if x - ix < 0.5 else ix + 1] = True
 
 
-def relief_of(height=None, cell=1.0):
+def relief_of(height=None, cell=1.0, goes_on=False):
     """Height and slope at the centre of every cell, ready for `underfoot`.
 
     Parameters
@@ -255,24 +253,27 @@ def relief_of(height=None, cell=1.0):
         Metres; None for flat ground.
     cell : float
         Size of a cell, m.
+    goes_on : bool
+        The map goes on at the opposite border.
 
     Returns
     -------
     ndarray, (ny, nx, 3)
-        Height, m, and rise per metre east and north: central differences, one-sided at the edge.  Bilinear between
+        Height, m, and rise per metre east and north: central differences, one-sided at an edge.  Bilinear between
         centres, all three are continuous.
     """
     height = np.zeros((1, 1)) if height is None else np.asarray(height, np.float64)
     relief = np.zeros((*height.shape, 3))
     relief[..., 0] = height
-    if height.shape[1] > 1:
-        relief[..., 1] = np.gradient(height, cell, axis=1)
-    if height.shape[0] > 1:
-        relief[..., 2] = np.gradient(height, cell, axis=0)
+    for k, axis in ((1, 1), (2, 0)):
+        if height.shape[axis] > 1 or goes_on:
+            around = np.pad(height, 1, mode="wrap") if goes_on else height
+            slope = np.gradient(around, cell, axis=axis)
+            relief[..., k] = slope[1:-1, 1:-1] if goes_on else slope
     return relief
 
 
-def steepness_of(height, cell):
+def steepness_of(height, cell, goes_on=False):
     """Slope of the ground between the centres of every four cells.
 
     Parameters
@@ -281,13 +282,15 @@ def steepness_of(height, cell):
         Metres.
     cell : float
         Size of a cell, m.
+    goes_on : bool
+        The map goes on at the opposite border; else the nearest cell counts outside of it.
 
     Returns
     -------
     ndarray, (ny + 1, nx + 1)
         The greatest rise per metre; ``[iy, ix]`` is north-east of the centre of cell ``(iy - 1, ix - 1)``.
     """
-    padded = np.pad(height, 1, mode="edge")  # outside of the map the nearest cell counts
+    padded = np.pad(height, 1, mode="wrap" if goes_on else "edge")
     east, north = np.abs(np.diff(padded, axis=1)) / cell, np.abs(np.diff(padded, axis=0)) / cell
     return np.hypot(np.maximum(east[1:], east[:-1]), np.maximum(north[:, 1:], north[:, :-1]))
 

@@ -61,7 +61,7 @@ def _free_way(rows, aloft, animals, ahead, walls, room, way, urgency):
         reach = ahead[k] + 2.0 * length[i]
         beside = room * length[i] + 0.5 * length[i]
         x, y, fx, fy = xyz[i, 0], xyz[i, 1], forward[i, 0], forward[i, 1]
-        straight = _room(walls, x, y, fx, fy, reach, beside)
+        straight = _room(walls, x, y, fx, fy, reach, beside, animals.wrap)
         if straight >= reach:
             continue
         best, bx, by = straight, fx, fy
@@ -70,7 +70,7 @@ def _free_way(rows, aloft, animals, ahead, walls, room, way, urgency):
             for side in (1.0, -1.0):
                 sine, cosine = sincos_(side * step * WIDEST / RAYS)
                 gx, gy = cosine * fx - sine * fy, sine * fx + cosine * fy
-                free = _room(walls, x, y, gx, gy, reach, beside)
+                free = _room(walls, x, y, gx, gy, reach, beside, animals.wrap)
                 if free > best + 1e-9:
                     best, bx, by = free, gx, gy
                 found |= free >= reach
@@ -81,22 +81,31 @@ def _free_way(rows, aloft, animals, ahead, walls, room, way, urgency):
 
 
 @inner_kernel
-def _room(walls, x, y, fx, fy, reach, beside):
-    """Metres along a unit vector until an edge comes nearer than ``beside`` in front; ``reach`` when none does."""
-    free = reach
-    for e in range(len(walls)):
-        ax, ay, bx, by = walls[e, 0] - x, walls[e, 1] - y, walls[e, 2] - x, walls[e, 3] - y
-        # along and across the way
-        au, av, bu, bv = ax * fx + ay * fy, ay * fx - ax * fy, bx * fx + by * fy, by * fx - bx * fy
-        if max(au, bu) <= 0.0 or min(au, bu) >= free or min(av, bv) >= beside or max(av, bv) <= -beside:
+def _room(walls, x, y, fx, fy, reach, beside, wrap):
+    """Metres along a unit vector until an edge comes nearer than ``beside`` in front; ``reach`` when none does.
+
+    Near the border of a map that goes on at the opposite one, the edges there count.
+    """
+    free, far = reach, reach + beside
+    over_x = wrap[0] if x < far else -wrap[0] if x > wrap[0] - far else 0.0
+    over_y = wrap[1] if y < far else -wrap[1] if y > wrap[1] - far else 0.0
+    for image in range(4 if wrap[0] > 0.0 else 1):
+        if (image & 1 and over_x == 0.0) or (image & 2 and over_y == 0.0):
             continue
-        lo, hi = 0.0, 1.0  # the part of the edge within the strip
-        if av != bv:
-            t0, t1 = (-beside - av) / (bv - av), (beside - av) / (bv - av)
-            lo, hi = max(lo, min(t0, t1)), min(hi, max(t0, t1))
-        u0, u1 = au + lo * (bu - au), au + hi * (bu - au)
-        if max(u0, u1) > 0.0:
-            free = min(free, max(min(u0, u1), 0.0))
+        px, py = x + over_x if image & 1 else x, y + over_y if image & 2 else y
+        for e in range(len(walls)):
+            ax, ay, bx, by = walls[e, 0] - px, walls[e, 1] - py, walls[e, 2] - px, walls[e, 3] - py
+            # along and across the way
+            au, av, bu, bv = ax * fx + ay * fy, ay * fx - ax * fy, bx * fx + by * fy, by * fx - bx * fy
+            if max(au, bu) <= 0.0 or min(au, bu) >= free or min(av, bv) >= beside or max(av, bv) <= -beside:
+                continue
+            lo, hi = 0.0, 1.0  # the part of the edge within the strip
+            if av != bv:
+                t0, t1 = (-beside - av) / (bv - av), (beside - av) / (bv - av)
+                lo, hi = max(lo, min(t0, t1)), min(hi, max(t0, t1))
+            u0, u1 = au + lo * (bu - au), au + hi * (bu - au)
+            if max(u0, u1) > 0.0:
+                free = min(free, max(min(u0, u1), 0.0))
     return free
 
 

@@ -48,7 +48,7 @@ def clear_terrain(scene, rows, p):
 def _way_over(rows, steering, bodies, animals, clearance, foresight, need, wanted):
     """m/s of climb that keeps each clear of the ground along its way, and the velocity that it should have."""
     xyz, velocity, forward, length = animals.xyz, animals.velocity, animals.forward, animals.length
-    height, cell, slowest, climb = bodies.relief[:, :, 0], bodies.relief_cell, bodies.slowest, bodies.climb
+    ground, slowest, climb = (bodies.relief[:, :, 0], bodies.relief_cell, animals.wrap), bodies.slowest, bodies.climb
     for k in range(len(rows)):
         if not steering[k]:
             continue
@@ -58,7 +58,7 @@ def _way_over(rows, steering, bodies, animals, clearance, foresight, need, wante
         if size < 1e-6:
             vx, vy, size = forward[i, 0], forward[i, 1], 1.0
         fx, fy, reach, low = vx / size, vy / size, foresight * size, xyz[i, 2] - clearance * length[i]
-        steepness = _steepness(height, cell, xyz[i, 0], xyz[i, 1], fx, fy, low, reach)
+        steepness = _steepness(ground, xyz[i, 0], xyz[i, 1], fx, fy, low, reach)
         need[k] = steepness * size
         slow = min(max(slowest[i], 0.0, size * most / max(need[k], 1e-9)), size)
         bx, by, best = fx, fy, steepness
@@ -67,7 +67,7 @@ def _way_over(rows, steering, bodies, animals, clearance, foresight, need, wante
                 side = 1.0 if step % 2 else -1.0
                 sine, cosine = sincos_(side * ((step + 1) // 2) * WIDEST / SIDES)
                 gx, gy = cosine * fx - sine * fy, sine * fx + cosine * fy
-                other = _steepness(height, cell, xyz[i, 0], xyz[i, 1], gx, gy, low, reach)
+                other = _steepness(ground, xyz[i, 0], xyz[i, 1], gx, gy, low, reach)
                 if other < best:
                     bx, by, best = gx, gy, other
                 if best * slow <= MARGIN * most and step % 2 == 0:
@@ -76,10 +76,11 @@ def _way_over(rows, steering, bodies, animals, clearance, foresight, need, wante
 
 
 @inner_kernel
-def _steepness(height, cell, x, y, fx, fy, z, reach):
+def _steepness(ground, x, y, fx, fy, z, reach):
     """Rise per metre of way that clears the ground along a unit vector, as far as ``reach`` m."""
+    height, cell, wrap = ground
     steepest = -np.inf
     for look in range(1, LOOKS + 1):
         far = reach * look / LOOKS
-        steepest = max(steepest, (bilinear_(height, cell, x + far * fx, y + far * fy) - z) / far)
+        steepest = max(steepest, (bilinear_(height, cell, x + far * fx, y + far * fy, wrap) - z) / far)
     return steepest

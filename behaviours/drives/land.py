@@ -43,7 +43,7 @@ def land(scene, rows, p):
     bodies, velocity = scene.bodies, scene.velocity[rows]
     height, length = np.maximum(bodies.height[rows], 0.0), scene.length[rows]
     ahead, speed = _level(scene.forward[rows], velocity)
-    ahead, rise = _along_slopes(bodies, scene.xyz[rows], ahead)
+    ahead, rise = _along_slopes(scene, rows, ahead)
     flare = FLARE + 4.0 * length
     sink = p.steepness * bodies.sink[rows] * np.clip(height / flare, 0.0, 1.0)
     least = 0.3 * bodies.slowest[rows]
@@ -71,11 +71,12 @@ def take_off(scene, rows, p):
     return Urges(towards(velocity, wanted, bodies.acceleration[rows]), p.strength * urgency * here)
 
 
-def _along_slopes(bodies, xyz, ahead):
+def _along_slopes(scene, rows, ahead):
     """((k, 3) level ways, turned from downhill to along the slope, (k,) rise of the ground per metre along them)."""
+    bodies = scene.bodies
     if bodies.relief.shape[0] * bodies.relief.shape[1] <= 1:
         return ahead, np.zeros(len(ahead))
-    slope = Raster(bodies.relief_cell, bodies.relief[..., 1:]).sample(xyz[:, :2])
+    slope = Raster(bodies.relief_cell, bodies.relief[..., 1:]).sample(scene.xyz[rows, :2], scene.wrap)
     steepness = np.maximum(np.sqrt((slope**2).sum(axis=1)), 1e-12)[:, None]
     up = slope / steepness
     across = np.column_stack([-up[:, 1], up[:, 0]])

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from flockbrush.behaviours.behaviour import air_of, quantity
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, towards, unit_rows
+from flockbrush.engine.seam import short_way
 from pydantic import Field
 
 
@@ -35,7 +36,7 @@ def seek(scene, rows, p):
     if bodies is None:
         return None
     if p.what == "place":
-        to = np.column_stack([p.x - scene.xyz[rows, 0], p.y - scene.xyz[rows, 1], np.zeros(len(rows))])
+        to = np.column_stack([short_way((p.x, p.y) - scene.xyz[rows, :2], scene.wrap), np.zeros(len(rows))])
     else:
         to = np.column_stack([scene.guidance[rows], np.zeros(len(rows))])
         air = air_of(scene)

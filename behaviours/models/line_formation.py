@@ -28,6 +28,7 @@ from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
 from flockbrush.behaviours.sliders import DesignerSlider, moves, pace
 from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.seam import short_way_
 from numba import njit
 from pydantic import Field
 
@@ -236,7 +237,7 @@ def _steer(lo, hi, rows, dt, birds, known, air, rules, wings, wishes):
         else:
             heading = atan2_(fx * uy - fy * ux, fx * ux + fy * uy)  # clockwise from the track
             if j >= 0:
-                ax, ay = xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1]
+                ax, ay = short_way_(xyz[j, 0] - xyz[i, 0], xyz[j, 1] - xyz[i, 1], birds.wrap)
                 tx = (ax * uy - ay * ux + offset[i, 0]) / wing
                 ty = (ax * ux + ay * uy + offset[i, 1]) / wing
                 vx, vy = (velocity[j, 0] - felt[j, 0]) * frame / wing, (velocity[j, 1] - felt[j, 1]) * frame / wing

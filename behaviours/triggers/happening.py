@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.behaviours.amounts import Length
 from flockbrush.behaviours.trigger import ANYONE, KIN, OTHERS, Condition, Names, Reference, condition, count_seen, given
+from flockbrush.engine.seam import short_way_
 from numba import njit
 
 
@@ -24,7 +25,7 @@ class EventHeard(Condition):
             elif np.isinf(happening.reach):
                 heard[:] = True
             else:
-                _hear(senses.xyz, rows, *happening.xyz[:2], happening.reach, *senses.wrap, heard)
+                _hear(senses.xyz, rows, *happening.xyz[:2], happening.reach, senses.wrap, heard)
         return heard
 
     def references(self):
@@ -32,13 +33,10 @@ class EventHeard(Condition):
 
 
 @njit(cache=True, nogil=True)
-def _hear(xyz, rows, x, y, reach, width, height, heard):
+def _hear(xyz, rows, x, y, reach, wrap, heard):
     """Who is within reach of a place, in plan; across the seam of a periodic map too."""
     for k in range(len(rows)):
-        dx, dy = xyz[rows[k], 0] - x, xyz[rows[k], 1] - y
-        if width > 0.0:
-            dx -= width * np.floor(dx / width + 0.5)
-            dy -= height * np.floor(dy / height + 0.5)
+        dx, dy = short_way_(xyz[rows[k], 0] - x, xyz[rows[k], 1] - y, wrap)
         heard[k] = heard[k] or dx * dx + dy * dy <= reach * reach
 
 

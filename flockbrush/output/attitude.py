@@ -72,7 +72,7 @@ def held(simulation, moment):
     if land is None or land.relief.shape[:2] == (1, 1):
         return forward, up
     x, y, z = moment.xyz.T
-    slope = np.stack([heights_of_ground(_layer(land, k), land.relief_cell, moment.xyz) for k in (0, 1, 2)], axis=-1)
+    slope = np.stack([heights_of_ground(_layer(land, k), moment.xyz) for k in (0, 1, 2)], axis=-1)
     walks = np.abs(z - slope[:, 0]) < 0.5 * moment.length
     normal = np.column_stack([-slope[:, 1], -slope[:, 2], np.ones(len(x))])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -100,8 +100,8 @@ class AttitudeTurns:
 
 
 def _layer(land, k):
-    """One number of the relief where the heights are."""
-    return np.ascontiguousarray(np.repeat(land.relief[..., k : k + 1], 3, axis=2))
+    """`Heights` with one number of the relief where the heights are."""
+    return land.heights._replace(relief=np.ascontiguousarray(np.repeat(land.relief[..., k : k + 1], 3, axis=2)))
 
 
 def land_of(simulation):

@@ -92,7 +92,7 @@ class SceneMeshes:
         land = self.scenery.land
         if not self.hilly:
             return np.zeros(len(xy))
-        return heights_of_ground(land.relief, land.relief_cell, np.column_stack([xy, np.zeros(len(xy))]))
+        return heights_of_ground(land.heights, np.column_stack([xy, np.zeros(len(xy))]))
 
     def ground(self) -> GroundMesh:
         """The ground; two triangles where it is flat."""

@@ -179,7 +179,7 @@ class EditedMoments:
         """Height of the ground under points, m."""
         if self.land.relief.shape[:2] == (1, 1):
             return np.zeros(len(xyz))
-        return heights_of_ground(self.land.relief, self.land.relief_cell, np.ascontiguousarray(xyz))
+        return heights_of_ground(self.land.heights, np.ascontiguousarray(xyz))
 
     def _dressed(self, moment, edit, selected):
         words, changed = words_of(self.simulation), {}

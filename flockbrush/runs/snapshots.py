@@ -17,8 +17,8 @@ from flockbrush.components import (
     Species,
     Velocity,
 )
+from flockbrush.engine.seam import short_way
 from flockbrush.runs.catalogue import LABELS, catalogue_of
-from flockbrush.systems.grid import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList

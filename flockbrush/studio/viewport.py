@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pygame
 
+from flockbrush.engine.seam import short_way
 from flockbrush.output.pictures import herd_of
 from flockbrush.render import Painter, Scenery
 from flockbrush.render.ground_texture import Underlay
@@ -16,7 +17,6 @@ from flockbrush.render.overlay_registry import EXPLAINED, OVERLAYS
 from flockbrush.render.overlays import Overlays
 from flockbrush.render.space_view import SpacePainter
 from flockbrush.render.view_camera import ViewCamera
-from flockbrush.systems.grid import short_way
 
 NEAREST, FARTHEST = 400.0, 0.25  # pixels per metre; share of the whole map in the window
 FIRST = 0.5  # s that may go into the ground of a new window before it is shown

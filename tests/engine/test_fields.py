@@ -44,7 +44,7 @@ def test_directions_are_sampled_component_by_component():
 @njit
 def _sampled(values, cell, xy, out):
     for i in range(len(xy)):
-        out[i] = bilinear_(values, cell, xy[i, 0], xy[i, 1])
+        out[i] = bilinear_(values, cell, xy[i, 0], xy[i, 1], (0.0, 0.0))
 
 
 def test_kernels_agree_with_the_arrays():

@@ -122,7 +122,7 @@ def test_ridge_the_herd_takes_the_pass_and_birds_follow_the_slope():
         run(scene, RATE // 2)
         highest = max(highest, places(scene, "reindeer")[:, 2].max())
         birds = places(scene, "starling")
-        ground = [height_of_ground(land.relief, land.relief_cell, x, y) for x, y in birds[:, :2]]
+        ground = [height_of_ground(land.heights, x, y) for x, y in birds[:, :2]]
         clear, crossed = min(clear, (birds[:, 2] - ground).min()), max(crossed, max(ground))
     assert highest < 14 and (places(scene, "reindeer")[:, 0] > 170).mean() > 0.9  # the ridge is 40 m high
     assert crossed > 30 and clear > 0.04

@@ -176,7 +176,7 @@ def test_moved_walkers_stand_on_the_hills():
     shown = view.at(moment)
 
     def above(m):
-        return m.xyz[:, 2] - heights_of_ground(land.relief, land.relief_cell, m.xyz)
+        return m.xyz[:, 2] - heights_of_ground(land.heights, m.xyz)
 
     assert np.ptp(shown.xyz[:, 2] - moment.xyz[:, 2]) > 0.1  # there are hills
     assert np.allclose(above(shown), above(moment), atol=1e-9)

@@ -75,8 +75,8 @@ def test_the_slope_of_a_cell_is_the_steepest_of_the_ground_in_it(cell):
         np.array([[f(a, b) for a in x] for b in y])
         for f in (
             lambda a, b: steepness_at(hills, a, b),
-            lambda a, b: (height_of_ground(hills.heights.relief, 1.0, a + 1e-6, b) - ground(hills, a, b)) / 1e-6,
-            lambda a, b: (height_of_ground(hills.heights.relief, 1.0, a, b + 1e-6) - ground(hills, a, b)) / 1e-6,
+            lambda a, b: (height_of_ground(hills.heights, a + 1e-6, b) - ground(hills, a, b)) / 1e-6,
+            lambda a, b: (height_of_ground(hills.heights, a, b + 1e-6) - ground(hills, a, b)) / 1e-6,
         )
     )
     assert (np.hypot(east, north) <= at + 1e-6).all()  # a bound of the slope everywhere, and close to it somewhere
@@ -88,7 +88,7 @@ def test_the_slope_of_a_cell_is_the_steepest_of_the_ground_in_it(cell):
 
 
 def ground(hills, x, y):
-    return height_of_ground(hills.heights.relief, 1.0, x, y)
+    return height_of_ground(hills.heights, x, y)
 
 
 def test_a_blocked_cell_on_a_hill_is_gone_round_and_corners_are_closed():

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.components import Position, Vision
+from flockbrush.engine.seam import short_way
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Level, Spawn
 from flockbrush.systems.commands import SwitchBrush
-from flockbrush.systems.grid import short_way
 from flockbrush.systems.senses import Sight, SightInSpace
 from small_program import box
 
