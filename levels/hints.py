@@ -16,6 +16,7 @@ from flockbrush.systems.navigation import navigation_of
 from flockbrush.systems.terrain import compose_blocked, steepest_within, steepness_of
 
 _ANYWHERE = 100.0  # slope that anybody who climbs anything walks on
+_CLIFF = 1.0  # m of height between opposite borders below which nothing is said
 _AHEAD = 2.0  # cells before the end of a guide in which a wall is looked for
 
 
@@ -284,7 +285,7 @@ def slope_hints(level, places, library, fauna):
     hills = level.height_map
     if hills is None:
         return
-    steepness = steepness_of(hills.values, hills.cell)
+    steepness = steepness_of(hills.values, hills.cell, level.boundary == "wrap")
     steep = Raster(level.cell, steepest_within(steepness, hills.cell, level.shape, level.cell))
     costs = functools.cache(lambda limit: Raster(level.cell, _costs(level, steep.values > limit)))
     for spawn in level.spawns:
@@ -301,10 +302,33 @@ def slope_hints(level, places, library, fauna):
             places[spawn.id].warn(f"no way leads to goal {level.goals[0].name[:60]!r}: the ground between is {walks}")
 
 
+def seam_hints(level, place):
+    """Warn about a height picture whose opposite borders do not fit on a map that goes on there.
+
+    Parameters
+    ----------
+    place : Place
+        Of the map.
+    """
+    if level.boundary != "wrap" or level.height_map is None:
+        return
+    height = level.height_map.values
+    for axis, borders in ((1, "west and east"), (0, "south and north")):
+        step = np.abs(height.take(0, axis) - height.take(-1, axis)).max()
+        elsewhere = np.abs(np.diff(height, axis=axis)).max(initial=0.0)
+        if step > max(2.0 * elsewhere, _CLIFF):
+            place.warn(
+                f"boundary is wrap, but heights on the {borders} borders differ by up to {step:g} m: there is a cliff "
+                "where the map goes on; the height picture should fit itself there"
+            )
+
+
 def _costs(level, steep):
     """(ny, nx) least cost to the first goal, round steep ground; infinite where no way leads."""
     terrain, goal = level.terrain or Terrain.blank(level.shape), level.goals[0]
     solid = [o for o in level.obstacles if o.solid and o.on_the_ground]
     blocked = steep | compose_blocked(level.shape, level.cell, terrain.walkable, solid)
-    height = level.height_map.sample(Raster(level.cell, blocked).centres())
-    return navigation_of([], [goal], blocked, terrain.cost, level.cell, height, level.boundary == "wrap").times[0]
+    goes_on = level.boundary == "wrap"
+    size = (level.width, level.height) if goes_on else (0.0, 0.0)
+    height = level.height_map.sample(Raster(level.cell, blocked).centres(), size)
+    return navigation_of([], [goal], blocked, terrain.cost, level.cell, height, goes_on).times[0]

@@ -31,6 +31,7 @@ from flockbrush.levels.hints import (
     paint_hints,
     program_hints,
     script_hints,
+    seam_hints,
     slope_hints,
     species_hints,
 )
@@ -179,6 +180,7 @@ class LevelReader:
             mixing_hints(level, [*self.paint_places, *map(self.objects.place, level.zones)], self.library)
             fauna = getattr(self.library, "species", None) or shipped_species()
             slope_hints(level, self.objects.places, self.library, fauna)
+            seam_hints(level, place)
             species_hints(level, self.objects.places, fauna)
         level.warnings = sorted(self.report.warnings, key=lambda p: (p.file, p.line or 0))
         return level

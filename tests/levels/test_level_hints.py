@@ -337,3 +337,25 @@ class TestSteepGround:
     def test_a_spawn_on_ground_that_is_too_steep_is_named(self):
         (found,) = self.warned(picture=HILLSIDE, metres=0.2, goals=False)
         assert "more than half of it is steeper than species 'sheep' walks" in found
+
+
+@pytest.mark.parametrize(
+    ("boundary", "picture", "said"),
+    [
+        ("wrap", HILLSIDE, "boundary is wrap, but heights on the south and north borders differ by up to 40 m"),
+        ("wall", HILLSIDE, ""),
+        ("wrap", np.concatenate([HILLSIDE[::2], HILLSIDE[::-2]]), ""),
+    ],
+    ids=["a cliff", "no seam", "one that fits"],
+)  # fmt: skip
+def test_heights_that_differ_on_opposite_borders_of_a_wrapped_map_are_told(boundary, picture, said):
+    hills = {
+        "type": "imagelayer",
+        "name": "height",
+        "image": "hills.png",
+        "properties": properties(metres_per_level=0.2),
+    }
+    map_properties = properties(schema="flockbrush-level/1", metres_per_tile=2.0, boundary=boundary)
+    document = level(tiles(), objects("spawns", herd(species="animal")), hills, properties=map_properties)
+    found = [str(warning) for warning in read(document, {"hills.png": png(picture)}).warnings]
+    assert len(found) == bool(said) and said in "".join(found)
