@@ -98,7 +98,7 @@ def test_heights_and_slopes_go_on_over_the_border():
 
 
 @pytest.mark.parametrize("model", ["boids", "line_formation"])
-@pytest.mark.parametrize("foot", [24.0, 56.0])
+@pytest.mark.parametrize("foot", [24.0, 63.0])
 def test_birds_foresee_a_slope_beyond_the_border_and_keep_above_it(model, foot):
     simulation = on_the_torus(brush("own", model, 14.0, **GOOSE), height=ends(foot))
     land = simulation.world.resource(Landscape)
