@@ -1,4 +1,4 @@
-"""Gather: brings a herd together and drives it to whom the animal follows, as a sheepdog does for a shepherd.
+"""Gather: brings a herd together and drives it to the nearest animal it follows, as a sheepdog to its shepherd.
 
 While somebody of those it hunts is far from the middle of the others, it goes behind that one; otherwise it goes behind
 the herd, seen from its shepherd (Strömbom et al. [1]_).  It knows those of them alone that it notices, and slows down
@@ -48,7 +48,8 @@ def gather(scene, rows, p):
         herd, shepherd = offset[verb == HUNT], offset[verb == FOLLOW]
         if not len(herd):
             continue
-        to, slow = _place(herd, shepherd[0] if len(shepherd) else None, p)
+        nearest = shepherd[np.argmin((shepherd**2).sum(axis=1))] if len(shepherd) else None
+        to, slow = _place(herd, nearest, p)
         far = np.sqrt((to * to).sum())
         speed = bodies.flee[i] * p.pace * min(far / p.near if p.near else 1.0, 1.0) * (0.3 if slow else 1.0)
         wanted[k, :2] = to / max(far, 1e-9) * speed

@@ -10,6 +10,7 @@ from flockbrush.engine.raster import Raster
 from flockbrush.systems.allocation import asked
 from flockbrush.systems.commands import Migrate
 from flockbrush.systems.fauna import SpeciesList
+from flockbrush.systems.steer import scene_of
 from small_herd import box, brush, meadow, obstacle, put, put_aloft, straight, xy_of
 
 GOOSE = {"mean": 20.0, "body": {"length": 0.8, "radius": 0.16, "contact": "disc"}, "vision": {"range": 60.0}}
@@ -63,6 +64,24 @@ def test_who_seeks_a_place_gets_there():
     put(simulation, (5, 5), np.pi, species="sheep")
     simulation.run(32 * 20)
     assert np.hypot(*(xy_of(simulation)[0] - (30, 35))) < 5.0
+
+
+@pytest.mark.parametrize(("boundary", "x"), [("wrap", (0.0, 4.0)), ("open", (6.0, 40.0))])
+def test_a_place_is_sought_over_the_border_where_that_is_shorter(boundary, x):
+    simulation = meadow(driven("seek", straight(mean=2.0), what="place", x=36.0, y=20.0), boundary=boundary)
+    put(simulation, (6, 20), np.pi / 2, species="sheep")
+    simulation.run(32 * 3)
+    assert x[0] < xy_of(simulation)[0, 0] < x[1]
+
+
+def test_a_dog_with_two_shepherds_drives_the_herd_to_the_nearer_one():
+    simulation = meadow(driven("gather", brush("stay", mean=0.5)))
+    put(simulation, [(15 + 0.5 * k, 20) for k in range(4)], species="sheep")
+    put(simulation, (20, 12), np.pi, species="dog")
+    put(simulation, [(-5, 20), (31, 20)], species="human")
+    simulation.tick()
+    drive_them = Urges(*drives()["gather"].urge(scene_of(simulation.world), np.array([4]), drives()["gather"].Params()))
+    assert drive_them.acceleration[0, 0] < 0.0  # to the west of them: the shepherd in the east is the nearer one
 
 
 def test_who_rests_stands_and_half_a_rest_is_half_the_speed():
