@@ -214,7 +214,10 @@ def behind_a_hill(heights, x, y, z, ox, oy, oz):
 
 
 class BeAlarmed(System):
-    """Fear rises at once and fades within the species' time; where the danger was is remembered as long."""
+    """Fear rises at once and fades with the time constant of the species; where the danger was is remembered until then.
+
+    It ends below `FADED`, after 3.9 times the time constant where it was full.
+    """
 
     stage, reads, writes = Stage.DECIDE, (Noticed, Position, Species, SpeciesList, Clock), (Alarm,)
 

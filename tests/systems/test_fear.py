@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
-from flockbrush.behaviours.species import SpeciesLibrary, load_species, shipped_species
+from flockbrush.behaviours.species import SpeciesLibrary, SpeciesSpec, load_species, shipped_species
 from flockbrush.components import Alarm, Heading, Individual, Position, Speed, Urge, Velocity
 from flockbrush.engine.raster import Raster
 from flockbrush.systems.commands import AddAnimals
@@ -55,6 +55,19 @@ def test_a_danger_out_of_notice_changes_no_bit():
     assert not near.agents[Alarm.level].any()
     for field in (Position.xyz, Velocity.xyz, Heading.forward):
         assert np.array_equal(near.agents[field][:12], far.agents[field][:12])
+
+
+def test_alarm_fades_with_the_time_constant_that_the_species_file_says():
+    simulation = herd_and_wolf(wolf_at=(-200.0, 20.0))
+    level, ticks = simulation.agents[Alarm.level], int(32 * 6.0)  # sheep calm down with 6 s
+    level[:] = 1.0
+    simulation.run(ticks)
+    after = simulation.agents[Alarm.level][0]
+    assert after == pytest.approx(np.exp(-1.0), rel=1e-6)
+    simulation.run(ticks * 3)
+    assert not simulation.agents[Alarm.level][:12].any()
+    meaning = SpeciesSpec.model_fields["calm"].description
+    assert f"falls to {after:.0%}".replace("%", " %") in meaning and "4 times as long" in meaning
 
 
 def test_calm_prey_does_not_see_what_is_behind_it_and_bold_prey_notices_later():
