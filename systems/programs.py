@@ -316,6 +316,8 @@ def enrol(world, entities, name):
     agents[ProgramState.brush][rows] = compiled.brush_numbers(world.resource(Palette))[begin]
     agents[ProgramState.since][rows] = tick
     agents[ProgramState.memory][rows] = tick - 2
+    if "before" in compiled.needs:
+        agents[ProgramState.before][rows] = agents[Velocity.xyz][rows]
     land = world.resource(Landscape)
     for slot, part in enumerate(compiled.memories):  # who is born in a region does not enter it
         what, *names = part.memory()
@@ -371,6 +373,8 @@ def replace_program(world, program):
     for part, slot in compiled.slots.items():
         if part in old.slots:
             memory[rows, slot] = before[:, old.slots[part]]
+    if "before" in compiled.needs - old.needs:
+        agents[ProgramState.before][rows] = agents[Velocity.xyz][rows]
     lost = rows[there < 0]
     if len(lost):
         enrol(world, agents.ids[lost], program.name)

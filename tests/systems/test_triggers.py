@@ -9,7 +9,7 @@ from flockbrush.behaviours.trigger import conditions
 from flockbrush.components import Ground, Position, ProgramState, Velocity
 from flockbrush.engine.raster import Raster
 from flockbrush.systems.commands import AddAnimals, RemoveAnimals
-from flockbrush.systems.program_commands import Event, SetState
+from flockbrush.systems.program_commands import Event, GiveProgram, SetState, UseProgram
 from small_program import SIZE, area, at, goal, moved, program, put, region, states, two_states, wall, world, zone
 
 HERE, FAR = (0, 0), (60, 0)
@@ -267,6 +267,18 @@ def test_acceleration_above():
     scene = world(two_states(condition), [HERE])
     scene.run(2)
     scene.agents[Velocity.xyz][0] = (0.5, 0.0, 0.0)  # 16 m/s² more than in the last tick
+    assert moved(scene) == [True]
+
+
+@pytest.mark.parametrize("begins", ["given", "replaced"])
+def test_who_begins_a_program_has_not_just_been_accelerated(begins):
+    asks = two_states('{ acceleration_above = "10 m/s²" }')
+    scene = world(asks if begins == "given" else two_states('{ level_time = "100 s" }'), [HERE])
+    scene.agents[Velocity.xyz][0] = (3.0, 0.0, 0.0)
+    scene.submit(GiveProgram("small") if begins == "given" else UseProgram("small", asks.source.decode()))
+    assert moved(scene) == [False]
+    scene.agents[Velocity.xyz][0] = (2.0, 0.0, 0.0)
+    scene.run(1)
     assert moved(scene) == [True]
 
 
