@@ -97,7 +97,7 @@ class Senses(Protocol):
         """(n,) bool, whose own kind a species is."""
 
     def in_state(self, name: str) -> np.ndarray:
-        """(n,) uint8, who is in the state of this name."""
+        """(n,) uint8, who is in the state of this name of the same program; PROGRAM/STATE is that of another."""
 
     def inside(self, region: str) -> np.ndarray:
         """(n,) bool, who is in the region of this name."""

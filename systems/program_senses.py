@@ -82,7 +82,7 @@ class WorldSenses:
 
     def program(self, compiled):
         """Answer for the animals of this program from now on."""
-        self._slots = compiled.slots
+        self._slots, self._program = compiled.slots, compiled.program.name
 
     def _once(self, key, make):
         if key not in self._cache:
@@ -134,17 +134,17 @@ class WorldSenses:
         return self.kin == label
 
     def in_state(self, name):
-        """(n,) uint8, who is in the state of this name; PROGRAM/STATE is that of one program alone."""
-        return self._once(("state", name), lambda: self._in_state(name))
-
-    def _in_state(self, name):
+        """(n,) uint8, who is in the state of this name of the program asked for; PROGRAM/STATE is that of another."""
         program, _, state = name.rpartition("/")
-        number = self._agents[ProgramState.program]
-        in_state = np.zeros(len(self.ids), np.uint8)
-        for k, compiled in enumerate(self._programs.compiled):
-            if state in compiled.number and (not program or program == compiled.program.name):
-                in_state |= (number == k) & (self.state == compiled.number[state])
-        return in_state
+        key = program or self._program, state
+        return self._once(("state", *key), lambda: self._in_state(*key))
+
+    def _in_state(self, program, state):
+        if program not in self._programs.names:
+            return np.zeros(len(self.ids), np.uint8)
+        k = self._programs.named(program)
+        number = self._programs.compiled[k].number.get(state, -1)
+        return ((self._agents[ProgramState.program] == k) & (self.state == number)).astype(np.uint8)
 
     # where
 

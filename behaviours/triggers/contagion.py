@@ -11,7 +11,7 @@ from flockbrush.behaviours.trigger import KIN, Condition, Names, Reference, cond
 class ShareOfSeenIn(Condition):
     """At least a share of the visible neighbours is in a state."""
 
-    share_of_seen_in: Names = given(..., "states; PROGRAM/STATE names a state of another program")
+    share_of_seen_in: Names = given(..., "states of the same program; PROGRAM/STATE names a state of another program")
     at_least: float = given(..., "share of the visible animals", gt=0, le=1)
     species: Names = given((KIN,), "species to count: names, `kin`, `others` or `anyone`")
     within: Length | None = given(None, "animals farther away than this do not count")

@@ -21,7 +21,9 @@ class RandomRate(Condition):
     """
 
     rate: Rate = given(..., "the rate")
-    imitating: Names | None = given(None, "states of visible neighbours that increase the rate")
+    imitating: Names | None = given(
+        None, "states of visible neighbours that increase the rate; PROGRAM/STATE names a state of another program"
+    )
     gain: float = given(1.0, "multiplies the rate by 1 + gain × the number of such neighbours", ge=0, le=10_000)
     power: float = given(1.0, "exponent of the product of all these factors", ge=0.1, le=10)
     spread: Length | None = given(

@@ -156,6 +156,19 @@ def test_share_of_seen_in_a_state():
     assert states(scene) == ["calm", "run"]  # who sees nobody catches nothing
 
 
+@pytest.mark.parametrize(("state", "spreads"), [("run", False), ("other/run", True)])
+@pytest.mark.parametrize("asks", ["{{ share_of_seen_in = '{0}', at_least = 0.5 }}",
+                                  "{{ rate = '.0001 /s', imitating = '{0}', gain = 10000, power = 9 }}"])  # fmt: skip
+def test_a_state_is_that_of_the_own_program_unless_it_names_another(asks, state, spreads):
+    own = "[state.calm]\n[state.run]\n[[trigger]]\nfrom = 'calm'\nto = 'run'\nwhen = " + asks.format(state)
+    other = program("[state.run]\n", "other")
+    scene = world(program(own), [HERE, (2, 0)])
+    scene.submit(UseProgram("other", other.source.decode()))
+    scene.submit(GiveProgram("other", x=SIZE / 2 + 2, y=SIZE / 2, radius=0.5))
+    scene.run(2)
+    assert states(scene) == ["run" if spreads else "calm", "run"]
+
+
 # where -----------------------------------------------------------------------------
 
 
@@ -446,6 +459,7 @@ def factors(condition, places, x):
     scene.run(1)
     put(scene, places)
     senses = WorldSenses(scene.world, scene.world.resource(Programs), [])
+    senses.program(scene.world.resource(Programs).compiled[0])
     rows = np.arange(len(places))
     flags, out = senses.in_state("moved"), np.ones(len(places))
     assert scene.agents[Species.index].max() == 0
