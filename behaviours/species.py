@@ -199,7 +199,13 @@ class SpeciesSpec(FileSpec):
     swim: SwimSpec = spec_field(SwimSpec(), "limits in water")
     eyes: EyesSpec = spec_field(EyesSpec(), "how it notices others")
     spread: SpreadSpec = spec_field(SpreadSpec(), "how individuals differ")
-    calm: float = spec_field(6.0, "time in which alarm falls to 37 % after the danger was last seen; after 4 times as long it ends", "s", ge=0, le=600)
+    calm: float = spec_field(
+        6.0,
+        "time in which alarm falls to 37 % after the danger was last seen; after 4 times as long it ends",
+        "s",
+        ge=0,
+        le=600,
+    )
     relations: dict[str, Relation] = spec_field({}, "relations to others, by species, tag or *", max_length=200)
 
     @model_validator(mode="after")

@@ -106,7 +106,7 @@ class Senses(Protocol):
         """(n,) bool, who stands in this goal; "" is each one's own."""
 
     def away(self, place: str) -> np.ndarray:
-        """(n,) m in plan to the middle of a goal or region."""
+        """(n,) m in plan to the middle of the nearest goal or region of this name."""
 
     def height(self) -> np.ndarray:
         """(n,) m above the ground."""

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 from flockbrush.engine.maths import sincos_
+from flockbrush.systems.terrain import centroid
 
 ROUND = 32  # corners of an ellipse
 
@@ -93,14 +94,6 @@ def without_repeats(points, closed):
     if not keep.any():
         keep[0] = True
     return points[keep]
-
-
-def centroid(polygon):
-    """Centre of mass of a polygon with an area, (2,)."""
-    p = polygon - polygon[0]
-    q = np.roll(p, -1, axis=0)
-    cross = p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]
-    return polygon[0] + ((p + q) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
 
 
 def inner_point(polygon):

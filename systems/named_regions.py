@@ -10,6 +10,7 @@ from flockbrush.components import Position
 from flockbrush.engine.seam import short_way
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.spawning import inside_polygon
+from flockbrush.systems.terrain import centroid
 
 
 def in_region(name, xyz, land):
@@ -23,11 +24,12 @@ def in_region(name, xyz, land):
     return inside
 
 
-def middle_of_region(name, land):
-    """(2,) m, the middle of a region or goal; None where there is none."""
-    goal = next((goal.xy for goal in land.goals if goal.name == name), None)
-    polygons = land.marks.regions().get(name)
-    return goal if goal is not None else polygons[0].mean(0) if polygons else None
+def away_from_region(name, xyz, land):
+    """(n,) m in plan to the middle of the nearest region or goal of a name; infinite where there is none."""
+    middles = [centroid(polygon) for polygon in land.marks.regions().get(name, ())]
+    middles += [goal.xy for goal in land.goals if goal.name == name]
+    offsets = (short_way(xyz[:, :2] - middle, land.wrap) for middle in middles)
+    return np.min([np.full(len(xyz), np.inf), *(np.sqrt((off**2).sum(1)) for off in offsets)], axis=0)
 
 
 def raising(land):

@@ -214,9 +214,9 @@ def behind_a_hill(heights, x, y, z, ox, oy, oz):
 
 
 class BeAlarmed(System):
-    """Fear rises at once and fades with the time constant of the species; where the danger was is remembered until then.
+    """Fear rises at once and fades with the time constant of the species, until it is less than `FADED`.
 
-    It ends below `FADED`, after 3.9 times the time constant where it was full.
+    Where the danger was is remembered until then: after full fear 3.9 times the time constant.
     """
 
     stage, reads, writes = Stage.DECIDE, (Noticed, Position, Species, SpeciesList, Clock), (Alarm,)

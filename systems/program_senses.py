@@ -19,12 +19,11 @@ from flockbrush.components import (
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import Noise, key_, uniform_
-from flockbrush.engine.seam import short_way
 from flockbrush.systems.far_sight import Eyes, count_far, sees_place
 from flockbrush.systems.fauna import SOLITARY, SpeciesList
 from flockbrush.systems.ground_height import height_of_ground
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.named_regions import in_goal, in_region, middle_of_region
+from flockbrush.systems.named_regions import away_from_region, in_goal, in_region
 from flockbrush.systems.senses import Near, Sight, SightInSpace
 from numba import njit
 
@@ -165,14 +164,8 @@ class WorldSenses:
         return arrived
 
     def away(self, place):
-        """(n,) m in plan to the middle of a goal or region; infinite where the level has none."""
-        return self._once(("away", place), lambda: self._away(place))
-
-    def _away(self, place):
-        middle = middle_of_region(place, self._land)
-        if middle is None:
-            return np.full(len(self.ids), np.inf)
-        return np.sqrt((short_way(self.xyz[:, :2] - middle, self._land.wrap) ** 2).sum(1))
+        """(n,) m in plan to the middle of the nearest goal or region of this name; infinite where there is none."""
+        return self._once(("away", place), lambda: away_from_region(place, self.xyz, self._land))
 
     def height(self):
         """(n,) m above the ground."""

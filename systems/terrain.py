@@ -325,6 +325,14 @@ def is_left_of_(x, y, ax, ay, bx, by):
     return (x - ax) * (by - ay) < (y - ay) * (bx - ax)
 
 
+def centroid(polygon):
+    """Centre of mass of a polygon with an area, (2,)."""
+    p = polygon - polygon[0]
+    q = np.roll(p, -1, axis=0)
+    cross = p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]
+    return polygon[0] + ((p + q) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
+
+
 @njit(cache=True, nogil=True)
 def point_in_polygon(x, y, polygon):
     """Whether a point is inside a polygon (k, 2), by crossing number (even-odd).

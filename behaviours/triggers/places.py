@@ -23,7 +23,7 @@ class ReachesGoal(Condition):
 
 @condition
 class DistanceTo(Condition):
-    """The horizontal distance to the centre of a place is in a range."""
+    """The horizontal distance to the centre of a place, the nearest one of the name, is in a range."""
 
     distance_to: str = given(..., "a goal, a zone or an area of the level")
     below: Length | None = given(None, "nearer than this")

@@ -231,6 +231,16 @@ def test_distance_to_a_place():
     assert moved(world(two_states(condition), places, areas=[area("yard", -2, -2, 2, 2)])) == [False, True]
 
 
+def test_distance_to_the_centre_of_an_area_whatever_its_corners_and_of_several_to_the_nearest():
+    yard = area("yard", -2, -2, 2, 2)
+    yard.polygon = np.insert(yard.polygon, 0, at(-2, 0) + [(0.0, 0.4 - 0.1 * k) for k in range(4)], axis=0)
+    places = [(9, 0), (11, 0), (0, 58), (0, 39)]
+    scene = world(
+        two_states('{ distance_to = "yard", above = "10 m" }'), places, areas=[yard, area("yard", -2, 48, 2, 52)]
+    )
+    assert moved(scene) == [False, True, False, True]
+
+
 # time ------------------------------------------------------------------------------
 
 
