@@ -130,7 +130,13 @@ CLASSES: dict[str, ObjectClass] = {
             (
                 Property("schema", "text", SCHEMA, "version of the level format", required=True),
                 Property("metres_per_tile", "number", 1.0, "size of a tile", "m", above=0, high=1000),
-                Property("boundary", "enum", "wall", "behaviour of the map edge", enum="Boundary"),
+                Property(
+                    "boundary",
+                    "enum",
+                    "wall",
+                    "behaviour of the map edge; beyond an open one nothing is painted",
+                    enum="Boundary",
+                ),
                 Property("seed", "int", 1, "random seed of the run", low=0, high=2**31 - 1),
                 Property(
                     "ground_rules",

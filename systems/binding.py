@@ -26,7 +26,7 @@ from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.noise import uniform_
 from flockbrush.engine.raster import bilinear_
 from flockbrush.systems.fauna import AIR, PLANE, WATER
-from flockbrush.systems.terrain import NO_BRUSH, rasterise_polygon
+from flockbrush.systems.terrain import NO_BRUSH, is_off_, rasterise_polygon
 from numba import njit
 
 LOW = 1.0  # body lengths: who flies no higher may be bound by paint of the ground
@@ -296,11 +296,12 @@ def painted_for(lo, hi, animals, cell, sheets, painted, air, out):
     ny, nx = painted.shape
     first = above.shape[0]
     for i in range(lo, hi):
-        ix = int(min(max(xyz[i, 0] / cell, 0.0), nx - 1.0))
-        iy = int(min(max(xyz[i, 1] / cell, 0.0), ny - 1.0))
+        out[i] = NO_BRUSH
+        if is_off_(xyz[i, 0], xyz[i, 1], cell, nx, ny):
+            continue
+        ix, iy = min(int(xyz[i, 0] / cell), nx - 1), min(int(xyz[i, 1] / cell), ny - 1)
         aloft = air[brush[i]]
         low = height[i] <= LOW * length[i] + radius[i]
-        out[i] = NO_BRUSH
         for s in range(first + 1 + below.shape[0]):
             b = above[s, iy, ix] if s < first else painted[iy, ix] if s == first else below[s - first - 1, iy, ix]
             if s == first and b < 0:
@@ -346,6 +347,8 @@ def mix_paint(lo, hi, animals, cell, wrap, sheets, air, mixes, key, out):
     length, radius, height = animals.length, animals.radius, animals.height
     count, ny, nx = sheets.brush.shape
     for i in range(lo, hi):
+        if is_off_(xyz[i, 0], xyz[i, 1], cell, nx, ny):
+            continue
         u = min(max(xyz[i, 0] / cell - 0.5, 0.0), nx - 1.0)
         v = min(max(xyz[i, 1] / cell - 0.5, 0.0), ny - 1.0)
         iy, ix = int(v + 0.5), int(u + 0.5)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.engine.maths import exp_
+from flockbrush.engine.maths import exp_, kernel_function
 from flockbrush.engine.raster import corners_
 from numba import njit
 
@@ -43,7 +43,7 @@ def underfoot(lo, hi, xyz, cell, surface, brush, heights, footing):
     Parameters
     ----------
     xyz : (n, 2 or 3)
-        Metres.  Outside of the map the nearest cell counts.
+        Metres.  Outside of the map nothing is painted, surfaces are plain, and the ground is as high as at the border.
     cell : float
         Size of the cells of surface and brush, m.
     surface : (ny, nx, 2)
@@ -63,8 +63,9 @@ def underfoot(lo, hi, xyz, cell, surface, brush, heights, footing):
         x, y = xyz[i, 0], xyz[i, 1]
         ix = int(min(max(x / cell, 0.0), nx - 1.0))
         iy = int(min(max(y / cell, 0.0), ny - 1.0))
-        out_factor[i], out_cap[i] = surface[iy, ix, 0], surface[iy, ix, 1]
-        out_brush[i] = brush[iy, ix]
+        out_factor[i], out_cap[i], out_brush[i] = surface[iy, ix, 0], surface[iy, ix, 1], brush[iy, ix]
+        if is_off_(x, y, cell, nx, ny):
+            out_factor[i], out_cap[i], out_brush[i] = 1.0, np.inf, NO_BRUSH
         west, east, a = corners_(x, relief_cell, mx, wrap[0])
         south, north, b = corners_(y, relief_cell, my, wrap[1])
         sw, se, nw, ne = (1.0 - a) * (1.0 - b), a * (1.0 - b), (1.0 - a) * b, a * b
@@ -72,6 +73,12 @@ def underfoot(lo, hi, xyz, cell, surface, brush, heights, footing):
         out_z[i] = sw * p[0] + se * q[0] + nw * r[0] + ne * s[0]
         out_slope[i, 0] = sw * p[1] + se * q[1] + nw * r[1] + ne * s[1]
         out_slope[i, 1] = sw * p[2] + se * q[2] + nw * r[2] + ne * s[2]
+
+
+@kernel_function
+def is_off_(x, y, cell, nx, ny):
+    """Whether a place lies outside a map of so many cells."""
+    return x < 0.0 or y < 0.0 or x > nx * cell or y > ny * cell
 
 
 @njit(cache=True, nogil=True)

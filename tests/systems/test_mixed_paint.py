@@ -83,7 +83,7 @@ def test_between_two_steps_as_many_animals_are_a_step_further_as_the_weight_says
 
 
 def test_share_takes_a_share_of_the_animals_always_the_same_ones():
-    simulation = herd(layer(weight=0.3, bounds=PaintBounds(blend="share")))
+    simulation = herd(layer(weight=0.3, bounds=PaintBounds(blend="share")), boundary="wall")
     simulation.tick()
     first = names_of(simulation)
     assert (first == "run").mean() == pytest.approx(0.3, abs=0.08) and set(first) == {"walk", "run"}

@@ -54,6 +54,14 @@ def test_paint_binds_those_its_brush_is_made_for():
     assert [brush_of(simulation, one) for one in (wolf, sheep, unknown)] == ["hunt", "graze", "graze"]
 
 
+@pytest.mark.parametrize("blend", ["cover", "share"])
+def test_beyond_the_border_of_an_open_map_nobody_is_painted(blend):
+    simulation = world(painted("graze", bounds=PaintBounds(blend=blend), west=30))
+    sheep = put(simulation, [(38, 20), (42, 20), (400, 20), (38, 44)], species="sheep", brush="walk")
+    simulation.run(2)
+    assert [brush_of(simulation, one) for one in sheep] == ["graze", "walk", "walk", "walk"]
+
+
 @pytest.mark.parametrize(
     ("brush", "species", "why"),
     [

@@ -57,10 +57,15 @@ def test_an_animal_has_the_brush_of_the_cell_that_it_stands_on():
     np.testing.assert_array_equal(found, [0, 0, 1, 31])
 
 
-def test_an_animal_off_the_map_has_the_nearest_cell():
-    brush = np.arange(32, dtype=np.int32).reshape(4, 8)
-    _, _, found, _, _ = under([(-9, -9), (1e9, 0.5), (3.5, 1e300), (-0.0, 4.0)], brush=brush)
-    np.testing.assert_array_equal(found, [0, 7, 27, 24])
+def test_off_the_map_nothing_is_painted_and_the_ground_is_as_high_as_at_the_border():
+    brush, surface = np.arange(32, dtype=np.int32).reshape(4, 8), np.full((4, 8, 2), 0.5)
+    relief = relief_of(np.arange(32.0).reshape(4, 8), 1.0)
+    places = [(-9, -9), (1e9, 0.5), (3.5, 1e300), (-0.0, 4.0), (8.0, 0.0), (8.001, 0.0)]
+    factor, cap, found, _, z = under(places, surface=surface, brush=brush, relief=relief)
+    assert found.tolist() == [NO_BRUSH, NO_BRUSH, NO_BRUSH, 24, 7, NO_BRUSH]
+    assert factor.tolist() == [1.0, 1.0, 1.0, 0.5, 0.5, 1.0]
+    assert cap.tolist() == [np.inf, np.inf, np.inf, 0.5, 0.5, np.inf]
+    assert z.tolist() == [0.0, 7.0, 27.0, 24.0, 7.0, 7.0]
 
 
 def test_flat_ground_asks_for_nothing():
