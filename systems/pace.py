@@ -25,6 +25,7 @@ from flockbrush.engine.noise import Noise, key_, normal_, uniform_
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.fauna import SpeciesList, by_medium
+from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near
 from flockbrush.systems.terrain import slope_factor_
@@ -45,7 +46,7 @@ class Pace(System):
     stage = Stage.SPEED
     reads = (
         Position, Body, BrushBinding, Ground, Heading, Wish, Near, Palette, Clock, Noise, Individual, Species,
-        SpeciesList,
+        SpeciesList, Landscape,
     )  # fmt: skip
     writes = (Speed, Urge)
 
@@ -58,8 +59,9 @@ class Pace(System):
         if palette.uses_density:
             over_rows(crowding, n, cells, agents[Body.length], density)
         was = agents[Speed.drawn].copy() if palette.pauses else None
+        herd, waves = herds_of(world)
         walkers = Walkers(
-            free, agents.ids, agents[Body.length], agents[BrushBinding.brush], density,
+            free, agents.ids, agents[Body.length], agents[BrushBinding.brush], herd, density,
             agents[Ground.factor], agents[Ground.cap], agents[Ground.slope], agents[Position.xyz],
             agents[Heading.forward], agents[Wish.pace], agents[Individual.pace],
             *by_medium(table, agents[Species.index], aloft, table.speed, table.acceleration),
@@ -67,9 +69,8 @@ class Pace(System):
         )  # fmt: skip
         rules = PaceRules(*(getattr(palette, name) for name in PaceRules._fields))
         state = PaceState(*(agents[field] for field in (Urge.driven, Speed.drawn, Speed.effort, Speed.target)))
-        over_rows(
-            pace_kernel, n, walkers, rules, speed_chance(world.resource(Noise), clock.tick, clock.dt), clock.dt, state
-        )
+        chance = speed_chance(world.resource(Noise), clock.tick, clock.dt, waves)
+        over_rows(pace_kernel, n, walkers, rules, chance, clock.dt, state)
         if was is None:
             return
         walking = np.full(n, -1.0)
@@ -85,6 +86,7 @@ class Walkers(NamedTuple):
     ids: np.ndarray
     length: np.ndarray  # m
     brush: np.ndarray
+    herd: np.ndarray  # int32, row of `SpeedChance.waves`
     density: np.ndarray  # others per square body length
     factor: np.ndarray  # of the ground
     cap: np.ndarray  # m/s
@@ -129,13 +131,39 @@ class SpeedChance(NamedTuple):
 
     own: np.uint64  # key of each animal's own noise in this tick
     life: np.uint64  # key of how animals differ, the same in all ticks
-    herd: np.uint64  # stream of what they do together
+    common: np.uint64  # stream of what herds do together
+    waves: np.ndarray  # (h, 8, 2) of that, by `Walkers.herd` (`waves_of`)
     time: float  # s since the start of the run
 
 
-def speed_chance(noise: Noise, tick: int, dt: float) -> SpeedChance:
-    """That of one tick of ``dt`` s."""
-    return SpeedChance(noise.key("speed", tick), noise.key("usual speed", 0), noise.stream("common speed"), tick * dt)
+def speed_chance(noise: Noise, tick: int, dt: float, waves: np.ndarray = WAVES[None]) -> SpeedChance:
+    """That of one tick of ``dt`` s; the waves are those of bodies of 1 m unless others are given."""
+    keys = noise.key("speed", tick), noise.key("usual speed", 0), noise.stream("common speed")
+    return SpeedChance(*keys, waves, tick * dt)
+
+
+def herds_of(world):
+    """((n,) int32, (h, 8, 2)): the row of each animal in the waves of what herds do together, and these.
+
+    All of a species have the same waves, whatever their own size and brush; of one without a file, all of a home brush.
+    """
+    agents, palette, fauna = world.agents, world.resource(Palette), world.resource(SpeciesList)
+    if not palette.common.any():
+        return np.zeros(len(agents), np.int32), np.zeros((0, *WAVES.shape))
+    bodies = [None if asset is None else asset.body for asset in fauna.assets] + [b.body for b in palette.brushes]
+    species, home = agents[Species.index], agents[BrushBinding.home]
+    herd = np.where(fauna.table.known[species], species, len(fauna.assets) + home).astype(np.int32)
+    lengths = [1.0 if body is None else body.length for body in bodies]
+    return herd, waves_of(lengths, world.resource(Landscape).wrap)
+
+
+def waves_of(lengths, wrap=None):
+    """(h, 8, 2) rad/m, the waves for bodies of these lengths; a whole number of each on a map that goes on."""
+    waves = WAVES / np.array(lengths)[:, None, None]
+    if wrap is None:
+        return waves
+    one = 2.0 * np.pi / np.array(wrap)
+    return np.round(waves / one) * one
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -160,8 +188,8 @@ def crowding(lo, hi, cells, length, density):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def pace_kernel(lo, hi, walkers, rules, chance, dt, state):
-    free, ids, length, brush, density, factor, cap, slope, place, forward, wanted, own = walkers[:12]
-    top, most, share, wished = walkers[12:]
+    free, ids, length, brush, herd, density, factor, cap, slope, place, forward, wanted, own = walkers[:13]
+    top, most, share, wished = walkers[13:]
     mean, deviation, reversion, individual, common, common_time, first, table, _, _, _ = rules
     driven, drawn, effort, target = state
     root = np.sqrt(dt)
@@ -172,8 +200,8 @@ def pace_kernel(lo, hi, walkers, rules, chance, dt, state):
         if individual[b] > 0.0:
             usual *= max(1.0 + individual[b] * normal_(chance.life, ids[i], np.int64(0)), 0.0)
         if common[b] > 0.0:
-            x, y = place[i, 0] / length[i], place[i, 1] / length[i]
-            usual = max(usual + common[b] * in_common_(x, y, chance.time / common_time[b], chance.herd, b), 0.0)
+            x, y, time = place[i, 0], place[i, 1], chance.time / common_time[b]
+            usual = max(usual + common[b] * in_common_(x, y, time, chance.common, chance.waves, herd[i]), 0.0)
         back = -reversion[b] * (v - usual * length[i]) * dt
         v += back + deviation[b] * length[i] * root * normal_(chance.own, ids[i], np.int64(0))
         drawn[i] = max(v, 0.0)  # eq. 6, no walking backwards
@@ -198,10 +226,10 @@ def pace_kernel(lo, hi, walkers, rules, chance, dt, state):
 
 
 @kernel_function
-def in_common_(x, y, time, stream, brush):
-    """A nearly normal number of a brush, of variance 1, that is alike at near places and times.
+def in_common_(x, y, time, stream, waves, herd):
+    """A nearly normal number of variance 1, that is alike at near places and times.
 
-    ``time`` is in units of how long it lasts.
+    ``time`` is in units of how long it lasts.  It is the same for all brushes, so that it goes through mixed paint.
     In time it is a sum of half waves, as random turns are (`flockbrush.behaviours.wander`), over the ground a sum of
     waves whose phases are drawn anew for each of those.
     """
@@ -211,8 +239,8 @@ def in_common_(x, y, time, stream, brush):
     for j in range(2):
         key, weight = key_(stream, np.int64(begun) + j), falling if j == 0 else rising
         for k in range(len(WAVES)):
-            phase = 2.0 * np.pi * uniform_(key, np.int64(k), np.int64(brush))
-            total += weight * sincos_(WAVES[k, 0] * x + WAVES[k, 1] * y + phase)[0]
+            phase = 2.0 * np.pi * uniform_(key, np.int64(k), np.int64(0))
+            total += weight * sincos_(waves[herd, k, 0] * x + waves[herd, k, 1] * y + phase)[0]
     return total * np.sqrt(2.0 / len(WAVES))
 
 

@@ -333,7 +333,7 @@ class PlaneHerd:
         # all alike, of a body that can do anything, and driven by nothing
         undriven, on_foot = (self.length, self.cap, self.cap, np.zeros(n), np.zeros(n)), np.zeros(n, np.bool_)
         self.walkers = Walkers(
-            on_foot, self.ids, self.length, self.none, self.cap, self.length, self.cap, self.zero, self.xyz,
+            on_foot, self.ids, self.length, self.none, self.none, self.cap, self.length, self.cap, self.zero, self.xyz,
             self.forward, self.length, *undriven,
         )  # fmt: skip
         self.pace = PaceState(np.zeros(n, np.uint8), self.drawn, self.effort, self.target)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.behaviour import TAKES_UP
 from flockbrush.behaviours.wander import half_waves_alike
-from flockbrush.components import Ground, Heading, Position, Speed, Velocity, Wish
+from flockbrush.components import Body, BrushBinding, Ground, Heading, Position, Speed, Velocity, Wish
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.schema import Zone
-from flockbrush.systems.pace import in_common_
+from flockbrush.systems.pace import WAVES, in_common_, waves_of
 from flockbrush.systems.terrain import slope_factor_
 from small_herd import box, brush, level, meadow, put, straight
 
@@ -77,6 +77,35 @@ def test_a_herd_hurries_together():
     assert speeds.std() == pytest.approx(0.5 * np.sqrt(_followed(np.zeros(1), 1.0, 8.0)[0]), rel=0.15)
 
 
+@pytest.mark.parametrize("apart", ["in size", "by the border", "by their brushes"])
+def test_animals_side_by_side_hurry_together_anywhere_on_the_map(apart):
+    speed = {"common": 0.5, "common_time": 1.0, "reversion": 8.0}
+    one, two = (straight(name, mean=4.0, speed=speed) for name in ("one", "two"))
+    herd = meadow(one, two, width=320, height=300, cell=5.0, boundary="wrap")
+    place = (0.5, 150.0) if apart == "by the border" else (310.0, 290.0)
+    put(herd, [place, (place[0] - 1.5, place[1])], np.pi / 2, brush="one")
+    if apart == "by their brushes":
+        for field in (BrushBinding.brush, BrushBinding.previous, BrushBinding.home):
+            herd.agents[field][1] = 1
+    herd.agents[Body.length][:] = (1.1, 0.9) if apart == "in size" else 1.0
+    rate, speeds = herd.agents[Body.length].copy(), []
+    for _ in range(60):
+        herd.agents[Position.xyz][:, 1] = place[1]
+        herd.run(8)
+        speeds.append(herd.agents[Speed.drawn] / rate)
+    assert np.corrcoef(np.transpose(speeds))[0, 1] > 0.95
+
+
+def test_on_a_map_that_goes_on_what_a_herd_does_together_goes_on_too():
+    stream, waves = Noise(3).stream("common speed"), waves_of([1.2, 30.0], (400.0, 300.0))
+    for herd in (0, 1):
+        for x, y in ((3.0, 7.0), (390.0, 200.0)):
+            here = in_common_(x, y, 0.3, stream, waves, herd)
+            for over in ((x + 400.0, y), (x, y - 300.0)):
+                assert in_common_(*over, 0.3, stream, waves, herd) == pytest.approx(here, abs=1e-9)
+    assert np.abs(waves[0] - WAVES / 1.2).max() < 0.5 * 2 * np.pi / 300.0 + 1e-12
+
+
 def test_going_back_and_a_newcomer_change_nothing_of_what_a_herd_does_together():
     uneven = straight(mean=4.0, speed={"individual": 0.2, "common": 0.8, "common_time": 0.5, "deviation": 0.3})
     herd = lonely(uneven)
@@ -95,9 +124,9 @@ def test_going_back_and_a_newcomer_change_nothing_of_what_a_herd_does_together()
 
 
 def test_what_a_herd_does_together_is_normal_and_lasts_as_long_as_half_waves_do():
-    stream = Noise(3).stream("common speed")
+    stream, waves = Noise(3).stream("common speed"), WAVES[None]
     drawn = np.array(
-        [[in_common_(0.0, 0.0, 0.7 * k + lag, stream, 0) for lag in (0.0, 0.5, 1.0, 2.0)] for k in range(20_000)]
+        [[in_common_(0.0, 0.0, 0.7 * k + lag, stream, waves, 0) for lag in (0.0, 0.5, 1.0, 2.0)] for k in range(20_000)]
     )
     assert abs(drawn.mean()) < 0.03 and drawn.var() == pytest.approx(1.0, abs=0.03)
     assert abs((drawn**3).mean()) < 0.1 and (drawn**4).mean() == pytest.approx(3.0, abs=0.5)
@@ -107,10 +136,12 @@ def test_what_a_herd_does_together_is_normal_and_lasts_as_long_as_half_waves_do(
 
 @pytest.mark.parametrize(("far", "least", "most"), [(10.0, 0.85, 1.0), (30.0, 0.45, 0.65), (60.0, -0.1, 0.25)])
 def test_herds_far_apart_do_not_hurry_together(far, least, most):
-    stream, alike = Noise(3).stream("common speed"), []
+    stream, alike, waves = Noise(3).stream("common speed"), [], WAVES[None]
     for angle in np.linspace(0.0, np.pi, 8, endpoint=False):
         x, y = far * np.cos(angle), far * np.sin(angle)
-        alike += [in_common_(0.0, 0.0, k, stream, 0) * in_common_(x, y, k, stream, 0) for k in range(2000)]
+        alike += [
+            in_common_(0.0, 0.0, k, stream, waves, 0) * in_common_(x, y, k, stream, waves, 0) for k in range(2000)
+        ]
     assert least < np.mean(alike) < most
 
 
