@@ -18,12 +18,15 @@ References
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from flockbrush.behaviours.brush import name_like
 from flockbrush.engine.files import refused
+from flockbrush.engine.problems import did_you_mean
 from flockbrush.film.open_clip import Looking, read_tracks_of
 from flockbrush.film.track_evidence import evidence_of_tracks
 from flockbrush.film.track_files import Trajectories
@@ -39,7 +42,7 @@ RESAMPLED, FLIPPED = 60, 99
 BY_CHANCE = 2  # of the tables that are turned over, that may say the turns as well
 BLOCK = 5.0  # s of one recording that are drawn together
 CLEAR = 3.0  # standard errors above 0 for a reaction to be reported
-FEWEST = 100  # turns
+FEWEST, FEWEST_OTHERS = 100, 3  # turns; animals besides the danger
 EDGE = 0.9  # of the farthest distance seen: a notice distance beyond it is not reported
 
 
@@ -58,9 +61,18 @@ class LearnedRelation:
     turns: int  # that it rests on
 
     @property
-    def line(self) -> str:
-        """A line for the table ``[relations]`` of a species, for a danger called by its id."""
-        return f'{self.danger} = {{ fear = {self.strength:.2f}, notice = "{self.notice:.0f} m" }}'
+    def line(self) -> str | None:
+        """A line for the table ``[relations]`` of a species, for a danger called about by its id.
+
+        None where the herd does not react, or the tracks are not in metres, as distances of species are.
+        """
+        if not self.told or self.unit != "m":
+            return None
+        return f'{name_like(self.danger)} = {{ fear = {self.strength:.2f}, notice = "{self._rounded(self.notice)} m" }}'
+
+    def _rounded(self, distance, fewest=0):
+        """A distance with as many places after the point as two digits of `notice` need, and at least so many."""
+        return f"{distance:.{max(fewest, 1 - math.floor(math.log10(self.notice)))}f}"
 
     @property
     def sentence(self) -> str:
@@ -70,11 +82,10 @@ class LearnedRelation:
                 f"These tracks show no reaction to {self.danger} beyond reactions to neighbours: "
                 f"{self.strength:.2f} ± {self.strength_error:.2f} of the steering."
             )
-        low, high = self.notice_range
+        at, low, high = (self._rounded(distance, 1) for distance in (self.notice, *self.notice_range))
         beyond = "; the distance may be larger, because the tracks contain no larger one" if self.reaches_beyond else ""
         return (
-            f"Animals notice {self.danger} at {self.notice:.1f} {self.unit} ({low:.1f} to {high:.1f}); near by, "
-            "it takes "
+            f"Animals notice {self.danger} at {at} {self.unit} ({low} to {high}); near by, it takes "
             f"{self.strength:.2f} ± {self.strength_error:.2f} of the steering{beyond}."
         )
 
@@ -102,11 +113,13 @@ def learn_relation(recordings: list[Trajectories], danger: str, length: float, l
     Raises
     ------
     ValueError
-        When no recording has the danger, or too few turns are seen.
+        When no recording has the danger, or an animal that is left out; or too few animals or turns are seen.
     """
-    rows = [row for one in recordings for row in _turns(one, danger, length, set(leave_out))]
+    leave_out = tuple(leave_out)
+    _check_ids(recordings, danger, leave_out)
+    rows = [row for one in recordings for row in _turns(one, danger, length, leave_out)]
     if not rows:
-        raise ValueError(f"no file has tracks of animal {danger!r} together with other animals")
+        raise ValueError(f"no file has tracks of {danger!r} and other animals at the same time")
     if sum(len(r) for r in rows) < FEWEST:
         raise ValueError(f"{sum(len(r) for r in rows)} turns near {danger!r} are too few; at least {FEWEST} are needed")
     table = np.concatenate(rows)
@@ -126,6 +139,23 @@ def learn_relation(recordings: list[Trajectories], danger: str, length: float, l
         danger, float(notice * length), (float(low), float(high)), float(strength), error,
         bool(told), bool(notice > EDGE * grid[-1]), recordings[0].unit, len(table),
     )  # fmt: skip
+
+
+def _check_ids(recordings, danger, leave_out):
+    """ValueError unless all animals that are named are there, and enough others beside the danger."""
+    ids = {name for one in recordings for name in one.ids}
+    for name, told in ((danger, ""), *((name, ", which is to be left out") for name in leave_out)):
+        if name not in ids:
+            raise ValueError(f"no file has tracks of animal {name!r}{told}{did_you_mean(name, ids)}")
+    most = max(len(_others(one, danger, leave_out)) for one in recordings if danger in one.ids)
+    if most < FEWEST_OTHERS:
+        told = f"at least {FEWEST_OTHERS} animals besides {danger!r} and those left out are needed"
+        raise ValueError(f"{told}; no file has more than {most}")
+
+
+def _others(tracks, danger, leave_out):
+    """The columns of the herd."""
+    return [k for k, name in enumerate(tracks.ids) if name != danger and name not in leave_out]
 
 
 def _turned_over(rows, rng):
@@ -152,7 +182,7 @@ def relation_of_files(paths, danger: str, looking: Looking, leave_out=(), seed=0
         print_json(vars(found) | {"sentence": found.sentence, "line": found.line})
         return
     say(found.sentence)
-    if found.told and found.unit == "m":
+    if found.line is not None:
         print_line(found.line)
 
 
@@ -160,8 +190,8 @@ def _turns(tracks, danger, length, leave_out):
     """Blocks of rows (turn rate, sines to the mean heading, to the middle, away from the danger; its distance, BL)."""
     if danger not in tracks.ids:
         return
-    own = [k for k, name in enumerate(tracks.ids) if name != danger and name not in leave_out]
-    if len(own) < 3:
+    own = _others(tracks, danger, leave_out)
+    if len(own) < FEWEST_OTHERS:
         return
     herd = replace(
         tracks, xy=tracks.xy[:, own], ids=tuple(tracks.ids[k] for k in own),

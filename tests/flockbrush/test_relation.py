@@ -1,13 +1,15 @@
 """The relation to a danger, from tracks of herds whose relation is known."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.species import load_species
 
 from flockbrush.cli.main import called
 from flockbrush.film.track_files import Trajectories
-from flockbrush.learning.relation import _fear, learn_relation
+from flockbrush.learning.relation import LearnedRelation, _fear, learn_relation
 
 
 def herd(strength, notice, seed, frames=200, n=12, fps=10.0):
@@ -69,3 +71,38 @@ def test_the_command_prints_a_line_for_a_species(tmp_path, capsys):
     assert told["told"] and told["line"].startswith("dog = {")
     assert called(["relation", str(paths[0]), "--danger", "wolf"]) == 1
     assert "no file has tracks of animal 'wolf'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("notice", "danger", "line"),
+    [
+        (12.34, "dog", 'dog = { fear = 0.50, notice = "12 m" }'),
+        (0.1534, "dog 1", 'dog-1 = { fear = 0.50, notice = "0.15 m" }'),
+        (234.5, "wolf", 'wolf = { fear = 0.50, notice = "234 m" }'),
+        (0.000034, "ant", 'ant = { fear = 0.50, notice = "0.000034 m" }'),
+    ],
+)
+def test_the_line_is_one_that_a_species_takes(tmp_path, notice, danger, line):
+    found = LearnedRelation(danger, notice, (0.9 * notice, 1.1 * notice), 0.5, 0.01, True, False, "m", 1000)
+    assert found.line == line
+    sheep = tmp_path / "sheep.species.toml"
+    sheep.write_text(f'schema = "flockbrush.species/1"\ntitle = "x"\nmedia = ["walk"]\n[body]\n[relations]\n{line}\n')
+    (relation,) = load_species(sheep).relations.values()
+    assert relation.notice == pytest.approx(notice, rel=0.05)
+
+
+def test_distances_of_small_animals_are_told_and_no_line_is_made_of_pixels():
+    found = LearnedRelation("dog", 0.1534, (0.1212, 0.1787), 0.5, 0.01, True, False, "m", 1000)
+    assert "at 0.15 m (0.12 to 0.18)" in found.sentence
+    assert "at 12.3 m (11.0 to 13.0)" in replace(found, notice=12.34, notice_range=(11.04, 12.96)).sentence
+    assert replace(found, unit="px").line is None and replace(found, told=False).line is None
+
+
+def test_animals_that_are_not_there_and_too_few_are_told():
+    one = herd(0.5, 6.0, 0, frames=20)
+    with pytest.raises(ValueError, match="no file has tracks of animal 'dogs'; did you mean 'dog'"):
+        learn_relation([one], "dogs", 1.0)
+    with pytest.raises(ValueError, match="no file has tracks of animal 'shepherd', which is to be left out"):
+        learn_relation([one], "dog", 1.0, ["shepherd"])
+    with pytest.raises(ValueError, match="at least 3 animals besides 'dog' and those left out are needed; no file has "):
+        learn_relation([one], "dog", 1.0, iter(map(str, range(10))))
