@@ -67,7 +67,12 @@ class ClipOptions(WrittenOptions):
     fps: TrackFps = None
     body_length_m: Annotated[
         float | None,
-        typer.Option(min=0.001, max=50, metavar="M", help="Body length of an animal, nose to tail, m; default: 1."),
+        typer.Option(
+            min=0.001,
+            max=50,
+            metavar="M",
+            help="Body length of an animal, nose to tail, m; default: as tracks say, else 1.",
+        ),
     ] = None
     arena: Annotated[
         str | None,

@@ -29,3 +29,4 @@ class Looking:
     fps: float | None = None  # of tracks
     body_length_m: float | None = None  # of tracks in metres; the same as in pixels: in whichever unit they are
     arena: Arena | None = None  # of tracks
+    usual_length_m: float = 1.0  # of tracks in metres that do not state it

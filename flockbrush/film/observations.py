@@ -275,7 +275,9 @@ class Evidence:
     sha256: str  # of the clip's file
     fps: float  # frames a second of the fields and sightings
     body_length_px: float  # pixels of the reference picture in one BL
-    length_source: str  # {"given", "assumed", "blobs"}; given by a person, usual for the unit, or estimated
+    length_source: (
+        str  # {"given", "stated", "assumed", "blobs"}; by a person, by the file, usual for the unit, estimated
+    )
     radius_bl: float  # half the width of a body over its length
     fields: Fields
     sightings: Sightings | None = None  # None if bodies do not separate
@@ -316,7 +318,8 @@ class Evidence:
     @property
     def length_told(self) -> str:
         """One body length with its unit, and where that is from."""
-        how = {"blobs": "estimated from the detected bodies"}.get(self.length_source, self.length_source)
+        told = {"blobs": "estimated from the detected bodies", "stated": "stated in the file"}
+        how = told.get(self.length_source, self.length_source)
         unit = {"px": "pixels", "m": "m", "bl": "body lengths"}[self.length_unit]
         return f"{self.clip_body_px:{'.1f' if self.length_unit == 'px' else '.3g'}} {unit} ({how})"
 

@@ -13,7 +13,7 @@ from flockbrush.film.clip_reader import open_clip
 from flockbrush.film.looking import Looking
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.observe import observe
-from flockbrush.film.track_evidence import RADIUS, USUAL_LENGTH_M, drawn_tracks, evidence_of_tracks
+from flockbrush.film.track_evidence import RADIUS, drawn_tracks, evidence_of_tracks
 from flockbrush.film.track_files import Trajectories, is_tracks, read_trajectories
 from flockbrush.runs.terminal import progress, say
 
@@ -72,7 +72,7 @@ def read_tracks_of(path, how: Looking) -> tuple[Trajectories, float]:
     if how.body_length_px not in (None, how.body_length_m):
         unit = "m: give the body length with --body-length-m" if tracks.unit == "m" else "body lengths"
         raise refused(path, f"--body-length-px can only be used with tracks in pixels, and this is in {unit}")
-    return tracks, 1.0 if tracks.unit == "bl" else how.body_length_m or USUAL_LENGTH_M
+    return tracks, 1.0 if tracks.unit == "bl" else how.body_length_m or tracks.body_length or how.usual_length_m
 
 
 def _look_at_tracks(path, how, show):
@@ -89,8 +89,10 @@ def _look_at_tracks(path, how, show):
         arena = arena.around(read_tracks_of(path, replace(how, frames=None))[0], RADIUS * length)
     evidence = evidence_of_tracks(tracks, length, how.grid, arena)
     if tracks.unit == "m" and how.body_length_m is None:
-        evidence.notes.append("one body length is assumed to be 1 m (set --body-length-m)")
-        evidence = replace(evidence, length_source="assumed")
+        source = "assumed" if tracks.body_length is None else "stated"
+        told = {"assumed": "assumed to be {:.3g} m", "stated": "{:.3g} m, the median of those that the file states"}
+        evidence.notes.append(f"one body length is {told[source].format(length)} (set --body-length-m)")
+        evidence = replace(evidence, length_source=source)
     return evidence
 
 

@@ -42,7 +42,6 @@ JUMP, LEAST_JUMP = 5.0, 0.1  # times the long steps of the herd; BL, taken for s
 ASIDE = math.pi / 4  # rad between headings and motion, in the median: headings of another kind
 MIRRORED = math.radians(3.0)  # the same, where headings measured the other way round would be half as far aside
 LEAP, LONG_STEPS = 20.0, 0.95  # times its usual step an animal never goes; quantile of all steps, `JUMP` times likewise
-USUAL_LENGTH_M = 1.0
 
 
 def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30, arena: Arena | None = None) -> Evidence:

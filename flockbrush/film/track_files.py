@@ -52,6 +52,7 @@ class Trajectories:
     start: float = 0.0  # s, time of the first frame
     axes: tuple[float, float] = (1.0, 1.0)  # by which x and y of the file are multiplied
     file_unit: str = ""  # of x and y in the file; ``unit`` by default
+    body_length: float | None = None  # m, usual of the animals, where the file states them
 
     def __post_init__(self):
         shape = np.shape(self.xy)
@@ -167,6 +168,7 @@ def _checked(path, table, unit, fps):
     return Trajectories(
         xy[span], ids, fps / every, "m" if unit == "cm" else unit, None if heading is None else heading[span],
         np.asarray(table.frames)[span], path.name, _sha256(path), tuple(notes), table.start + rows[0] / fps, axes, unit,
+        table.body_length,
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import zipfile
 import zlib
@@ -32,6 +33,7 @@ from flockbrush.film.track_table import (
 )  # fmt: skip
 
 OURS = {"vx", "vy", "vz", "speed", "species", "role", "reference"}  # columns of exports, which are in metres
+LENGTH = "length"  # of animals, likewise
 FLOWN = {"x_b", "y_b", "x", "y", "z"}  # of `flockbrush formation fly`, likewise
 NAMES = {  # what columns are called, the first that is there is taken
     "id": ("id", "track_id", "trackid", "track", "individual", "individual-local-identifier", "tag-local-identifier",
@@ -69,7 +71,8 @@ def csv_table(path) -> TrackTable:
     heading = lower.index("heading") if "heading" in lower and not degrees else None
     if {"track_id", "position_x"} <= set(lower):  # TrackMate, where id is that of a spot
         where["id"], rows = lower.index("track_id"), _below_titles(rows, lower.index("position_x"))
-    columns, names, animal, lines = _parsed(path, rows, where, heading)
+    more = {"heading": heading, LENGTH: lower.index(LENGTH) if {*OURS, LENGTH} <= set(lower) else None}
+    columns, names, animal, lines = _parsed(path, rows, where, more)
     return _long_table(path, lower, where, columns, names, animal, lines, degrees)
 
 
@@ -92,14 +95,18 @@ def _need(path, where, header):
         raise ProblemsError([Problem(str(path), 1, missing[0], f"there is no such column{hint}; {needed}")])
 
 
-def _parsed(path, rows, where, heading):
-    """({name: numbers}, names, which of them each row is of, its line) of the rows; ProblemsError."""
+def _parsed(path, rows, where, more):
+    """({name: numbers}, names, which of them each row is of, its line) of the rows; ProblemsError.
+
+    ``more``: columns of numbers besides, by name.
+    """
     problems: list[Problem] = []
-    numbers = {name: array("d") for name in ("x", "y", "frame", "time", "heading", "visible")}
+    plain = {name: where[name] for name in ("x", "y", "frame")} | more
+    numbers = {name: array("d") for name in (*plain, "time", "visible")}
     names: dict[str, int] = {}
     animal, lines = array("q"), array("q")
     for line, row in rows:
-        for name, at in (("x", where["x"]), ("y", where["y"]), ("frame", where["frame"]), ("heading", heading)):
+        for name, at in plain.items():
             if at is not None:
                 numbers[name].append(number_of(path, line, name, row, at, problems))
         if where["time"] is not None:
@@ -161,7 +168,10 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         heading = None if heading is None else heading[one]
     xy, ids, numbers, turned = placed(path, frames, names, animal, places, heading, lines)
     start = begun(columns["time"][valid]) if "time" in columns else 0.0
-    return TrackTable(xy, ids, numbers, fps, unit, None, turned, notes, start, unit is not None)
+    length = float(np.median(columns[LENGTH][valid])) if LENGTH in columns else math.nan
+    return TrackTable(
+        xy, ids, numbers, fps, unit, None, turned, notes, start, unit is not None, length if length > 0 else None
+    )
 
 
 def _unit_of_name(name):
@@ -234,8 +244,8 @@ def _parquet(path):
         where = {kind: next((header.index(n) for n in names if n in header), None) for kind, names in NAMES.items()}
         _need(path, where, header)
         column_names = {kind: schema.names[at] for kind, at in where.items() if at is not None}
-        if "heading" in header:
-            column_names["heading"] = schema.names[header.index("heading")]
+        own = [LENGTH] if set(header) >= OURS else []
+        column_names |= {name: schema.names[header.index(name)] for name in ("heading", *own) if name in header}
         check_parquet(path, file.metadata, set(column_names.values()))
     with parquet.ParquetFile(path, read_dictionary=[column_names["id"]]) as file:  # long names are unpacked once
         data = file.read(columns=list(dict.fromkeys(column_names.values())))

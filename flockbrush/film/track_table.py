@@ -39,6 +39,7 @@ class TrackTable:
     notes: list[str] = field(default_factory=list)
     start: float = 0.0  # s, time of the first frame
     stated: bool = False  # whether the file itself states its unit
+    body_length: float | None = None  # m, usual of its animals, where the file states them
 
 
 def line_word(path) -> str:

@@ -47,8 +47,7 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
     """
     brush = _brush(brush_name)
     _checked(clip, export, video)
-    if looking.body_length_m is None:
-        looking = replace(looking, body_length_m=brush.body.length)
+    looking = replace(looking, usual_length_m=brush.body.length)
     with held(*([export] if export is not None else [])), Interrupts(), compiling():
         evidence = look_at(clip, looking)
         if evidence.still:

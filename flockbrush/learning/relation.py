@@ -175,7 +175,8 @@ def relation_of_files(paths, danger: str, looking: Looking, leave_out=(), seed=0
     """
     read = [read_tracks_of(path, looking) for path in paths]
     try:
-        found = learn_relation([tracks for tracks, _ in read], danger, read[0][1], leave_out, seed)
+        length = float(np.median([length for _, length in read]))
+        found = learn_relation([tracks for tracks, _ in read], danger, length, leave_out, seed)
     except ValueError as error:
         raise refused(paths[0], str(error)) from None
     if as_json:

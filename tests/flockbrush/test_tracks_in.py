@@ -470,3 +470,24 @@ def test_fields_tells_the_unit_of_the_body_length(circling, tmp_path, capsys):
     assert called([*command, "--unit", "m", "--body-length-m", "1.2", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["body_length_m"] == 1.2 and "body_length_px" not in told
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_the_lengths_that_an_export_states_are_taken(tmp_path, ending):
+    """The median, unless a length is given; a column of that name in other tables may be anything."""
+    head = "frame,time,id,x,y,vx,vy,vz,speed,species,role,reference,length"
+    rows = [(t, t / FPS, who, x, y, 0, 0, 0, 2, "sheep", "follower", 0, 0.5 + 0.1 * int(who[2:]))
+            for t, who, x, y in long_rows(paths_of())]  # fmt: skip
+    path = written(tmp_path / "a.csv", head, rows)
+    if ending == "parquet":
+        csv = pytest.importorskip("pyarrow.csv").read_csv(path)
+        path = tmp_path / "a.parquet"
+        pytest.importorskip("pyarrow.parquet").write_table(csv, path)
+    seen, given = look_at(path, Looking(usual_length_m=3.0)), look_at(path, Looking(body_length_m=2.0))
+    assert seen.body_length_px == pytest.approx(0.75) and seen.length_told == "0.75 m (stated in the file)"
+    assert "one body length is 0.75 m, the median of those that the file states (set --body-length-m)" in seen.notes
+    assert given.length_told == "2 m (given)"
+    other = written(tmp_path / "b.csv", "frame,id,x,y,length", [(*row, 7) for row in long_rows(paths_of())])
+    found = look_at(other, Looking(unit="m", fps=FPS, usual_length_m=3.0))
+    assert found.length_told == "3 m (assumed)"
+    assert "one body length is assumed to be 3 m (set --body-length-m)" in found.notes
