@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from scipy.special import bdtrc
 
 from flockbrush.engine.files import refused
 from flockbrush.film.arena import Arena, beyond, lines_of, ring, wall_of
@@ -34,10 +35,19 @@ SLOW = 2.0  # deviations of the noise of speed: a slower animal keeps its headin
 SLOWEST = 0.02  # of the speed of the fastest tenth, the same
 WHOLE = 0.9  # share of the animals that is there at a time, above which the tracks are of one whole herd
 RADIUS = 0.2  # BL, half the width of a body, which tracks do not tell
-EDGE = 1.0  # BL of ground around animals that come and go
+EDGE = 1.0  # BL of ground around a whole herd, at least
+BORDER, BY_CHANCE = 0.5, 0.01  # BL from the border of all positions; probability that so many tracks end there
 PICTURE = 900  # pixels across of a drawn frame
 GROUND, BODY, TAIL, WALL = (214, 228, 221), (60, 70, 66), (150, 166, 158), (168, 176, 172)  # BGR
 FEWEST = 2  # animals
+AT_BORDER = (
+    "animals come and go at the border of all positions: the tracks are taken for those of a part of a herd, of which "
+    "spread and growth are unknown"
+)
+INSIDE = (
+    "animals come and go, but not at the border of all positions: the tracks are taken for those of a whole herd, "
+    "although not all of its animals are always seen"
+)
 JUMP, LEAST_JUMP = 5.0, 0.1  # times the long steps of the herd; BL, taken for such a step of a herd that stands
 ASIDE = math.pi / 4  # rad between headings and motion, in the median: headings of another kind
 MIRRORED = math.radians(3.0)  # the same, where headings measured the other way round would be half as far aside
@@ -85,9 +95,10 @@ def evidence_of_tracks(tracks: Trajectories, length: float, grid: int = 30, aren
     sightings, velocity = _sightings(pieces, motion, neighbours_seen(motion.xy, missing))
     arena = None if arena is None else arena.around(tracks, RADIUS * length)
     wall = None if arena is None else wall_of(arena, tracks, length)
-    fields = _fields(tracks, missing, sightings, velocity, grid, wall)
+    fields, at_border = _fields(tracks, missing, sightings, velocity, grid, wall)
     speed = speed_evidence(fields, sightings, math.nan, motion.window, motion.errors)
     notes = [*tracks.notes, *_notes(tracks, pieces, motion, length), *speeds_told(sightings, tracks.fps)]
+    notes += [] if at_border is None else [AT_BORDER if at_border else INSIDE]
     if arena is not None:
         notes.append(arena.told(tracks.file_unit))
     evidence = Evidence(
@@ -233,18 +244,19 @@ def _sightings(pieces, motion, around):
 
 
 def _fields(tracks, missing, sightings, velocity, grid, wall=None):
-    """The fields of all animals, on ground with a margin if the whole herd is always visible, in an arena or not.
+    """(fields of all animals; whether they come and go at the border of the ground, None if they do not come and go).
 
-    Missing animals count in density and number where animals are seen; velocities are of visible animals only.
+    The ground has a margin unless they do, so that it shows the whole herd. Nobody crosses a wall.  Missing animals
+    count in density and number where animals are seen; velocities are of visible animals only.
     """
     low, high = sightings.xy.min(0), sightings.xy.max(0)
     on_ground = ((missing >= low) & (missing <= high)).all(-1)
     gone, hidden = np.nonzero(on_ground)[0], missing[on_ground]
     here = np.diff(sightings.first) + on_ground.sum(1)
-    if here.min() >= WHOLE * here.max():
-        room = max(1.2 * float((high - low).max()) / (grid - 2.4), EDGE)
-    else:
-        room = 0.01
+    at_border = None
+    if here.min() < WHOLE * here.max():
+        at_border = wall is None and _crossed(sightings, velocity / tracks.fps, low, high)
+    room = 0.01 if at_border else max(1.2 * float((high - low).max()) / (grid - 2.4), EDGE)
     if wall is not None:
         low, high = np.minimum(low, wall.min(0)), np.maximum(high, wall.max(0))
     low, high = low - room, high + room
@@ -265,10 +277,24 @@ def _fields(tracks, missing, sightings, velocity, grid, wall=None):
         frames=np.asarray(tracks.frames), **grids,
     )  # fmt: skip
     if wall is None:
-        return fields
-    return replace(
-        fields, obstacle=beyond(wall, fields.centres), outline=ring(wall, low, low + cell * np.array([nx, ny]))
-    )
+        return fields, at_border
+    outline = ring(wall, low, low + cell * np.array([nx, ny]))
+    return replace(fields, obstacle=beyond(wall, fields.centres), outline=outline), at_border
+
+
+def _crossed(sightings, step, low, high):
+    """Whether more tracks begin or end at the border of all positions than chance explains: animals cross it.
+
+    ``step``: (m, 2) BL from frame to frame.
+    """
+    order = np.argsort(sightings.track, kind="stable")  # of one track, they stay in order of time
+    bounds = np.flatnonzero(np.diff(sightings.track[order], prepend=-1, append=-1))
+    first, last = order[bounds[:-1]], order[bounds[1:] - 1]
+    frame = sightings.frame
+    ends = np.concatenate([first[frame[first] > 0], last[frame[last] < len(sightings) - 1]])
+    far = np.minimum(sightings.xy - low, high - sightings.xy).min(1)
+    near = far <= np.maximum(BORDER, np.hypot(*step.T))
+    return bool(len(ends) and bdtrc(int(near[ends].sum()) - 1, len(ends), near.mean()) < BY_CHANCE)
 
 
 def _jumps(tracks, length):

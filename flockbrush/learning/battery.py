@@ -70,8 +70,8 @@ MEASURES = {
         BatteryMeasure("growth", "1/s", 0.05),
         BatteryMeasure("correlation length", "BL", 0.5, 0.5),
         BatteryMeasure("share standing", "", 0.08, lasting=0.2),
-        BatteryMeasure("response to neighbours", "rad", 0.0, 0.14),  # of the scatter of turns
-        BatteryMeasure("scatter of turns", "rad", 0.0, 0.5),
+        BatteryMeasure("response to neighbours", "rad", 0.001, 0.14),  # of the scatter of turns
+        BatteryMeasure("scatter of turns", "rad", 0.003, 0.5),
     )
 }
 
@@ -206,11 +206,12 @@ class Yard:
 
 
 def span_of(clip: Evidence, looks) -> float:
-    """s in which the animals of a clip usually go a body length, within `SPAN`."""
+    """s in which the animals of a clip usually go a body length, within `SPAN`; whole frames if these are longer."""
     speed = np.concatenate([np.hypot(*look.velocity.T) for look in looks])
     usual = float(np.nanmedian(speed)) if np.isfinite(speed).any() else 1.0
     longest = max(SPAN[0], min(SPAN[1], PART * len(clip.fields) / clip.fps))
-    return float(np.clip(1.0 / max(usual, 1e-3), SPAN[0], longest))
+    span = float(np.clip(1.0 / max(usual, 1e-3), SPAN[0], longest))
+    return span if SPAN[0] * clip.fps >= 1.0 else max(1, round(span * clip.fps)) / clip.fps
 
 
 def yard_of(looks, single, span=SPAN[0]) -> Yard:

@@ -93,8 +93,9 @@ def response(
         (RESPONSE, mine.forces, np.mean([a.forces for a in theirs]), np.linalg.norm(asked - of_runs), chance),
         (SCATTER, mine.scatter, scatters.mean(), abs(mine.scatter - scatters.mean()), between * more**0.5),
     ]
+    least = {name: max(MEASURES[name].floor, MEASURES[name].share * mine.scatter) for name in (RESPONSE, SCATTER)}
     return [
-        BatteryRow(name, own, float(herd), float(off), max(MEASURES[name].share * mine.scatter, DEVIATIONS * chance))
+        BatteryRow(name, own, float(herd), float(off), max(least[name], DEVIATIONS * chance))
         for name, own, herd, off, chance in rows
     ]
 

@@ -1,7 +1,8 @@
 """Whether a brush moves like a clip, in one of four sentences, beside others that were not learned from it.
 
 A brush *moves like the film* when every measure of the battery (`flockbrush.learning.battery`) that the clip tells is
-within its limits, and stays so when the herd is left alone for 20 s more.  The clip tells a measure if one of the
+within its limits, and stays so when the herd is left alone for 20 s more.  A part of a herd is not left alone: nobody
+knows what is around it.  The clip tells a measure if one of the
 rivals is beyond its limits; it tells nothing when herds that do nothing at all pass as well.  How often these sentences
 are wrong is measured by ``benchmarks/learning.py calibration``.
 """
@@ -28,6 +29,7 @@ RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 4
 ALONE, MEASURED, FPS = 20.0, 10.0, 4.0  # s a herd is left alone, of which the end is measured; looks a second
 LEAST_TOLD = 3  # measures that a clip must determine
 NEARER = 0.7  # of a brush's distance: a rival is nearer below it
+STEPPED = "speeds", "share standing"  # measures of steps, for which frames may be too far apart
 FEWEST = 5  # animals
 GROWN = 4.0  # times the spread of the clip: farther nothing is extrapolated
 FILM, TRACKS = "film", "tracks"  # what judges
@@ -150,7 +152,7 @@ def beside(battery: Battery, brush, seeds) -> list[BatteryRow]:
 
 def settled(battery: Battery, run: Run) -> Series:
     """What becomes of a herd that is left alone."""
-    looks = looks_of_run(run, battery.clip, 1, FPS, battery.series.yard.span)
+    looks = looks_of_run(run, battery.clip, 1, FPS, min(battery.series.yard.span, ALONE - MEASURED))
     return Series.of(looks[-int(MEASURED * FPS) :], battery.series.yard, MEASURED)
 
 
@@ -170,7 +172,7 @@ def after_long(battery: Battery, rows: list[BatteryRow], found: list[Series]) ->
     out = []
     for row in rows:
         kind = MEASURES[row.name]
-        if not kind.lasting:
+        if not kind.lasting or (row.name in STEPPED and battery.series.yard.span > ALONE - MEASURED):
             continue
         value = battery.values[row.name]
         values = np.array(
@@ -299,15 +301,21 @@ def _joined_row(rows):
 
 def _said(mine, rivals, told, seconds, count, source):
     """(kind, sentence), or why nothing can be told."""
-    if seconds < SHORTEST or count < FEWEST or len(told) < LEAST_TOLD:
-        return "untold", f"{seconds:.1f} s of {count:.0f} animals tell {len(told)} of {len(MEASURES)} measures"
+    lacking = [f"{SHORTEST:g} s"] * (seconds < SHORTEST) + [f"{FEWEST} animals"] * (count < FEWEST)
+    lacking += [f"{LEAST_TOLD} measures"] * (len(told) < LEAST_TOLD)
+    if lacking:
+        time = f"{seconds:.{2 if seconds < 1 else 1}f} s"
+        tell = f"{time} of {count:.0f} animals tell {len(told)} of {len(MEASURES)} measures"
+        return "untold", f"{tell}; at least {listed(lacking)} are needed"
     missed = mine.missed(told)
     strayed = [row.name for row in mine.lasting if not row.met]
     if not missed and not strayed:
         as_good = [r.name for r in rivals if r.name in IDLE and not r.missed(told) and all(x.met for x in r.lasting)]
         if as_good:
             return "untold", f"{as_good[0]}, and it looks the same"
-        lasts = f", and does so when left alone for {ALONE:g} s" if mine.lasting else ""
+        lasts = f", and does so when left alone for {ALONE:g} s"
+        if not mine.lasting:
+            lasts = f"; a part of a herd cannot be left alone for {ALONE:g} s"
         return "like", f"It moves like the {source}: in {listed(told)}{lasts}."
     own = mine.distance(told)
     nearer = [r for r in rivals if r.distance(told) < NEARER * own and len(r.missed(told)) < len(missed)]

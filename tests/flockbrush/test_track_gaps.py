@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from flockbrush.film.track_evidence import evidence_of_tracks
+from flockbrush.film import track_evidence
+from flockbrush.film.arena import Arena
+from flockbrush.film.track_evidence import AT_BORDER, INSIDE, evidence_of_tracks
 from flockbrush.film.track_files import Trajectories
 
 
@@ -40,3 +42,37 @@ def test_an_animal_that_comes_late_is_not_missing_before():
     xy = walking()
     xy[:60, :6] = np.nan
     assert told(xy)[1] == []
+
+
+def going_by(wide=8.0, animals=60, frames=80):
+    """Animals that go through a picture of so many BL, NaN outside."""
+    rng = np.random.default_rng(0)
+    angle = rng.normal(0, 0.3, animals) + np.cumsum(rng.normal(0, 0.05, (frames, animals)), axis=0)
+    steps = 0.15 * np.stack([np.cos(angle), np.sin(angle)], -1)
+    xy = np.column_stack([rng.uniform(-14, 4, animals), rng.uniform(-8, 8, animals)]) + np.cumsum(steps, axis=0)
+    xy[(np.abs(xy) > wide / 2).any(-1)] = np.nan
+    return xy
+
+
+def test_one_that_comes_late_among_the_others_does_not_make_a_herd_a_part_of_one():
+    """A part of a herd is not left alone, nor are its spread and growth compared."""
+    xy = walking(60, 6)
+    xy[:25, 1] = np.nan
+    evidence, _ = told(xy)
+    assert INSIDE in evidence.notes and evidence.fields.holds_all and not evidence.fields.shows_part
+    assert evidence.part(slice(30, 60)).fields.holds_all
+
+
+def test_animals_that_come_and_go_at_the_border_are_a_part_of_a_herd_but_within_walls():
+    xy = going_by()
+    seen, _ = told(xy)
+    assert AT_BORDER in seen.notes and not seen.fields.holds_all and seen.fields.shows_part
+    tracks = Trajectories(xy, tuple(map(str, range(xy.shape[1]))), 10.0, "m")
+    walled = evidence_of_tracks(tracks, 1.0, arena=Arena.read("rectangle"))
+    assert INSIDE in walled.notes and walled.fields.holds_all
+
+
+def test_where_tracks_end_is_not_asked_of_herds_that_are_always_whole(monkeypatch):
+    monkeypatch.delattr(track_evidence, "_crossed")
+    evidence, _ = told(walking())
+    assert evidence.fields.holds_all and not {AT_BORDER, INSIDE} & set(evidence.notes)

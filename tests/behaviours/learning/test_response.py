@@ -10,9 +10,12 @@ from flockbrush.behaviours.brush import shipped
 from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import evidence_of_truth
 from benchmarks.learning_models import evidence_of, tracks_of, truths
+from flockbrush.film.track_evidence import evidence_of_tracks
+from flockbrush.film.track_files import Trajectories
 from flockbrush.learning import response as module
+from flockbrush.learning.battery import MEASURES
 from flockbrush.learning.response import RESPONSE, SCATTER, response
-from flockbrush.learning.rollout import theta_of
+from flockbrush.learning.rollout import HerdStart, rollout, theta_of
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.turns import predicted, residuals, turns_of
 
@@ -91,3 +94,24 @@ def test_nothing_is_said_of_models_without_a_likelihood_and_of_fields_alone(clip
     fields = replace(clip, sightings=None)
     assert response(fields, TRUTH, [simulated(fields, TRUTH, seed) for seed in (1, 2)]) == []
     assert response(clip, shipped().get("geese"), [simulated(clip, TRUTH, seed) for seed in (1, 2)]) == []
+
+
+def test_a_difference_that_nobody_sees_is_none():
+    """Of exact tracks turns scatter by a tenth of a degree, and a half of that is no difference."""
+    rng, graze = np.random.default_rng(0), shipped().get("graze")
+    angle = rng.uniform(-3, 3, 30)
+    start = HerdStart(4.0 * rng.normal(size=(30, 2)), np.column_stack([np.cos(angle), np.sin(angle)]))
+    run = rollout(start, graze.params, graze.speed, graze.body, graze.vision, seconds=12.0, fps=10, seed=3)
+    xy = run.xy.reshape(len(run), 30, 2)[60:]
+    exact = evidence_of_tracks(Trajectories(xy, tuple(map(str, range(30))), 10.0, "m"), 1.0)
+    rows = rows_of(exact, graze, 2)
+    for name in (RESPONSE, SCATTER):
+        assert rows[name].limit >= MEASURES[name].floor > 0.0
+    assert rows[SCATTER].clip < 0.006 and rows[SCATTER].met
+
+
+def test_that_changes_nothing_where_sights_are_uncertain(clip, monkeypatch):
+    rows = rows_of(clip, TRUTH, 2)
+    without = {name: replace(measure, floor=0.0) for name, measure in MEASURES.items()}
+    monkeypatch.setattr(module, "MEASURES", without)
+    assert rows_of(clip, TRUTH, 2) == rows

@@ -10,6 +10,7 @@ from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import evidence_of_truth
 from flockbrush.learning import verdict
 from flockbrush.learning.battery import MEASURES, Battery, BatteryRow
+from flockbrush.learning.rollout import Run
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.verdict import (
     IDLE,
@@ -22,6 +23,7 @@ from flockbrush.learning.verdict import (
     concluded,
     idle,
     judge,
+    settled,
 )
 
 BRUSH = "swarm"
@@ -160,7 +162,18 @@ def test_of_tracks_the_sentences_say_so():
     assert like.sentence.startswith("It moves like the tracks: in ")
     assert combined([like, partly]).sentence.startswith("It moves like the tracks in ")
     untold = concluded(contender("x", 0.5, 0.5, 0.5, 0.9), others, 0.5, 30, source=TRACKS)
-    assert untold.sentence.startswith("How it moves cannot be told from these tracks: 0.5 s of 30 animals tell ")
+    assert untold.sentence.startswith("How it moves cannot be told from these tracks: 0.50 s of 30 animals tell ")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "count", "told", "lacking"),
+    [(0.5, 30, 4, "0.8 s"), (3.0, 4, 4, "5 animals"), (3.0, 30, 2, "3 measures"), (0.5, 4, 4, "0.8 s and 5 animals")],
+)
+def test_why_nothing_can_be_told_is_said(seconds, count, told, lacking):
+    far = [0.2] * told
+    said = concluded(contender("x", *far), [contender(STILL, *(4.0 for _ in far))], seconds, count)
+    assert said.kind == "untold"
+    assert said.sentence.endswith(f"animals tell {told} of 12 measures; at least {lacking} are needed.")
 
 
 def test_brushes_of_several_parts_are_judged_together():
@@ -180,3 +193,39 @@ def test_nothing_is_told_by_a_clip_whose_animals_are_taken_for_ground(clip):
         "from this clip: animals move 0.1 body lengths in this clip."
     )
     assert combined([told, replace(told, doubt="")]).kind == "untold"
+
+
+def every(clip, seconds):
+    """The same clip as if its frames were so far apart."""
+    return replace(clip, fps=1.0 / seconds, fields=replace(clip.fields, fps=1.0 / seconds))
+
+
+def circling(seconds=verdict.ALONE, fps=verdict.FPS, animals=8):
+    """Animals that go round in circles of 1 BL at 1 BL/s, each in its own."""
+    times = np.arange(int(seconds * fps) + 1) / fps
+    angle = np.repeat(times, animals)
+    forward = np.column_stack([-np.sin(angle), np.cos(angle)])
+    xy = np.column_stack([np.cos(angle), np.sin(angle)]) + 5.0 * np.tile(np.arange(animals), len(times))[:, None]
+    first, ids = animals * np.arange(len(times) + 1), np.tile(np.arange(animals), len(times))
+    return Run(times, first, ids, xy, forward, forward)
+
+
+def test_herds_left_alone_are_looked_at_over_the_steps_of_the_clip(clip):
+    """Where frames are far apart, animals turn between them, and seem slower."""
+    for apart, span in ((0.5, 1.5), (4.0, 4.0)):
+        battery = Battery.of(every(clip, apart))
+        assert battery.series.yard.span == span
+        chord = 2.0 * np.sin(0.5 * span) / span
+        np.testing.assert_allclose(settled(battery, circling()).value("speeds"), chord, rtol=1e-6)
+
+
+def test_steps_of_which_no_two_fit_in_the_time_alone_are_left_out(clip):
+    battery = Battery.of(every(clip, 15.0))
+    rows = [BatteryRow(name, 1.0, 1.0, 0.0, 1.0) for name in battery.values]
+    lasting = {row.name for row in after_long(battery, rows, [settled(battery, circling())])}
+    assert "nearest neighbour" in lasting and not lasting & {"speeds", "share standing"}
+
+
+def test_a_part_of_a_herd_is_not_said_to_last():
+    said = concluded(contender("x", 0.5, 0.5, 0.5, 0.9), [contender(STILL, 4, 4, 4, 4)], 3.0, 30)
+    assert said.sentence.endswith("speeds; a part of a herd cannot be left alone for 20 s.")
