@@ -45,16 +45,7 @@ def add_parameters(page, findings, show):
         *(["deviation", "confounded with"] if sure else []),
     ]
     page.table(columns, rows, words=2)
-    page.say(
-        "Value: 0 to 1, as in the paper and in the brush. Physical value: the strength (weight times sensitivity "
-        "Ω), or "
-        "the standard deviation of the Gaussian in distance or angle. Spread: standard deviation over the starts that "
-        "fit the clip about equally well" + ("; only this start does." if alone else ".")
-        + (" Deviation: uncertainty given the turns of the animals (at least the Cramér-Rao bound); - if the turns "
-           "contain no information. Confounded: a change of these parameters fits about equally well (correlation of "
-           "the errors .7 or more). Weights are always confounded with the sensitivity Ω: only their product acts."
-           if sure else ""), "small",
-    )  # fmt: skip
+    page.say(_meaning(learned.names == NAMES, sure, alone), "small")
     if learned.extras:
         page.say("Also set from the clip:")
         page.facts((name.replace("_", " "), _extra(name, value)) for name, value in learned.extras.items())
@@ -66,6 +57,25 @@ def add_parameters(page, findings, show):
         + (f", common changes {speed.common:.3g} for {speed.common_time:.3g} s" if speed.common > 0 else "")
         + (f", a table of {len(speed.by_density)} densities." if speed.by_density else ".")
     )
+
+
+def _meaning(herd, sure, alone):
+    """What the columns are: of the herd model or of another; with the errors of turns; with one start that fits."""
+    value = (
+        "Value: 0 to 1, as in the paper and in the brush. Physical value: the strength (weight times sensitivity Ω), "
+        "or the standard deviation of the Gaussian in distance or angle. " if herd else
+        "Value: 0 to 1, the place in the range that is searched. Physical value: the parameter as in the brush. "
+    )  # fmt: skip
+    spread = "Spread: standard deviation over the starts that fit the clip about equally well"
+    words = value + spread + ("; only this start does." if alone else ".")
+    if not sure:
+        return words
+    bound = "at least the Cramér-Rao bound" if herd else "the Cramér-Rao bound, which is too small"
+    words += (
+        f" Deviation: uncertainty given the turns of the animals ({bound}); - if the turns contain no information. "
+        "Confounded: a change of these parameters fits about equally well (correlation of the errors .7 or more)."
+    )
+    return words + " Weights are always confounded with the sensitivity Ω: only their product acts." * herd
 
 
 def _real(learned, k):

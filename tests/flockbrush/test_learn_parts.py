@@ -4,6 +4,7 @@ import base64
 import re
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from filmed import film_of, learn, observe
 from flockbrush.behaviours.brush import load_brush, shipped
 from flockbrush.behaviours.brush_writer import brush_to_toml
+from flockbrush.behaviours.models.zones import Params as ZonesParams
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.systems.measures import compute_nnd
 
@@ -25,9 +27,11 @@ from flockbrush.learning.html_page import ReportPage
 from flockbrush.learning.initial_conditions import resized
 from flockbrush.learning.learned_brush import brush_of, name_of, order_of
 from flockbrush.learning.learning_charts import panels_of
+from flockbrush.learning.likelihood import likelihoods
 from flockbrush.learning.photo import angular_variance, standing
 from flockbrush.learning.regions import regions_of, within
 from flockbrush.learning.report import as_json, page_of, write_partial, write_report
+from flockbrush.learning.report_parameters import add_parameters
 from flockbrush.learning.result import Findings
 from flockbrush.learning.rollout import HerdStart
 from flockbrush.learning.side_by_side import ComparisonGround
@@ -205,6 +209,21 @@ def test_a_deviation_that_says_nothing_is_no_number(march):
     found.learned = replace(found.learned, deviation=deviation)
     text = page_of(found, {}).text()
     assert "0.021" in text and "1000000" not in text
+
+
+def test_parameters_of_another_model_are_explained_as_what_they_are(march):
+    _, evidence = march
+    names, herd = tuple(likelihoods()["zones"].numbers), learn([evidence])
+    five = {name: np.full(5, 0.05) for name in ("theta", "spread", "deviation")} | {"identifiable": np.ones(5, bool)}
+    zones = replace(herd, names=names, model="zones", params=ZonesParams(), starts=[], **five)
+    said = {}
+    for learned in (herd, zones):
+        page = ReportPage("lambs")
+        add_parameters(page, SimpleNamespace(learned=learned), lambda: None)
+        said[learned.model] = " ".join(parsed(page.text()).itertext())
+    assert "Gaussian" in said["herd"] and "Value: 0 to 1, as in the paper" in said["herd"]
+    assert "the place in the range that is searched" in said["zones"] and "blind angle" in said["zones"]
+    assert "Gaussian" not in said["zones"] and "Ω" not in said["zones"]
 
 
 def test_a_page_is_dark_where_its_reader_is_in_the_dark_and_photographs_keep_their_colours():
