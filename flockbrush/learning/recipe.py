@@ -121,7 +121,7 @@ def learn(
     given = Setting.of(clips, settings)
     search = _Search(given, settings, say or _silent)
     forget()
-    with Workers(given, jobs, _signature(clips, given, settings.seed), resume, stop, cluster) as workers:
+    with Workers(given, jobs, _signature(clips, given, settings), resume, stop, cluster) as workers:
         try:
             search.run(workers)
         except (KeyboardInterrupt, WorkStopped):
@@ -139,8 +139,9 @@ def _version():
     return f"{build.code} {build.packages}".encode()
 
 
-def _signature(clips, given, seed):
-    digest = hashlib.sha256(json.dumps([seed, given.speed.model_dump(), given.body.model_dump()]).encode())
+def _signature(clips, given, settings):
+    options = settings.seed, settings.starts, settings.budget_s, settings.quick, settings.brushes
+    digest = hashlib.sha256(json.dumps([*options, given.speed.model_dump(), given.body.model_dump()]).encode())
     digest.update(repr((sorted(given.use), given.beta, given.device)).encode() + _version())
     for clip in clips:
         fields, outline = clip.fields, clip.fields.outline

@@ -121,6 +121,16 @@ def test_work_of_another_version_is_not_gone_on_with(clip, tmp_path, monkeypatch
     assert kept.read_bytes() == before
 
 
+def test_work_of_other_options_is_not_gone_on_with(clip, tmp_path):
+    kept = tmp_path / "work.json"
+    assert learn(clip, FEW, resume=kept, stop=lambda: kept.exists()).interrupted
+    before = kept.read_bytes()
+    for change in ({"starts": 3}, {"quick": True}, {"budget_s": 0.6}):
+        with pytest.raises(ProblemsError, match="other options"):
+            learn(clip, dataclasses.replace(FEW, **change), resume=kept)
+    assert kept.read_bytes() == before
+
+
 def test_nothing_to_learn_from_is_said():
     with pytest.raises(ValueError, match="no clip"):
         learn([])
