@@ -109,7 +109,10 @@ class FitOptions(WrittenOptions):
     share: Annotated[
         float,
         typer.Option(
-            min=0.1, max=1, metavar="S", help="Share of the frames to learn from; the rest is held out for the test."
+            min=0.1,
+            max=1,
+            metavar="S",
+            help="Share of the frames of one clip to learn from; the rest is held out for the test.",
         ),
     ] = 0.5
     speed: Annotated[
@@ -117,10 +120,24 @@ class FitOptions(WrittenOptions):
         typer.Option(min=0, max=50, metavar="V", help="Speed of the animals in a photograph, body lengths/s."),
     ] = None
     beta: Annotated[
-        float, typer.Option(min=0, max=1, metavar="B", help="Weight in the loss: 1 density only, 0 motion only.")
+        float,
+        typer.Option(
+            min=0,
+            max=1,
+            metavar="B",
+            help="Weight in the loss when learning from fields alone: 1 density only, 0 motion only.",
+        ),
     ] = 0.5
     seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed.")] = 0
-    starts: Annotated[int, typer.Option(min=1, max=100, metavar="N", help="Number of random starts of the search.")] = 5
+    starts: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=100,
+            metavar="N",
+            help="Number of random starts of the search of the herd model; with --quick at most 2.",
+        ),
+    ] = 5
     model: Annotated[
         str,
         typer.Option(

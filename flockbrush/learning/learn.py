@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import time
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -12,37 +11,43 @@ import numpy as np
 
 from flockbrush.behaviours.brush import Brush, load_brush, shipped
 from flockbrush.behaviours.brush_writer import brush_to_toml
-from flockbrush.engine.files import held, output_problems, refused, write_text
-from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.files import held, refused, write_text
 from flockbrush.film.observations import CannotObserve
-from flockbrush.film.open_clip import Looking, facts_of, look_at, looked_apart, tell_notes, training_begun
+from flockbrush.film.open_clip import facts_of, look_at, looked_apart, tell_notes, training_begun
 from flockbrush.learning.ablation import ablated
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.folds import ClipFolds, Fold, folds_of, seen_within
 from flockbrush.learning.group_size_test import with_other_numbers
 from flockbrush.learning.helpers import Helpers
-from flockbrush.learning.herd_views import followed
 from flockbrush.learning.initial_conditions import start_of
+from flockbrush.learning.learn_options import (
+    QUICK_STARTS,
+    LearnOptions,
+    brush_files,
+    check_fields,
+    checked,
+    region_out,
+    state_of,
+)
 from flockbrush.learning.learn_tables import show_findings
 from flockbrush.learning.learned_brush import brush_of, name_of
 from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.learned_program import program_of
-from flockbrush.learning.model_choice import AUTO, check_kind, comparison_of, hopeless, kind_of, nearest
+from flockbrush.learning.model_choice import AUTO, comparison_of, hopeless, kind_of, nearest
 from flockbrush.learning.model_fit import learned_model
 from flockbrush.learning.other_starts import with_other_starts
 from flockbrush.learning.photo import SPEED, standing
 from flockbrush.learning.recipe import USE, SearchSettings, learn
-from flockbrush.learning.regions import Region, regions_of
+from flockbrush.learning.regions import Region
 from flockbrush.learning.report import as_json, write_overview, write_partial, write_report
-from flockbrush.learning.report_folder import folder_problems, make_folder
+from flockbrush.learning.report_folder import make_folder
 from flockbrush.learning.result import Findings
 from flockbrush.learning.side_by_side import moments_beside
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.verdict import RUNS as JUDGED_RUNS
 from flockbrush.learning.verdict import combined, judge
 from flockbrush.learning.which_model import HERD, ModelComparison
-from flockbrush.output.figures import drawing_problems
-from flockbrush.runs.cluster import Cluster, Tls, cluster
+from flockbrush.runs.cluster import cluster
 from flockbrush.runs.compile_ahead import compiling_for
 from flockbrush.runs.terminal import Interrupts, Stopped, measure, number, print_json, progress, say
 
@@ -50,40 +55,8 @@ RUNS = 3  # simulations compared with the clip
 MOMENTS, MOMENTS_OF_PHOTO = 4, 2  # pictures of a report
 BUDGET, QUICK_BUDGET = 150.0, 12.0  # s of learning, as `learn` counts them
 THOROUGH = 4.0  # times the usual budget
-QUICK_STARTS = 2
 ONE_KIND, STRANGE = ("polarization", "milling", "speeds"), 2.5  # limits beyond which a clip shows another herd
 RIVAL_WORK = 400_000  # animals times frames, above which fewer of the shipped brushes are tried
-
-
-@dataclass
-class LearnOptions:
-    """Options of a user."""
-
-    clips: list[Path]
-    out: Path
-    looking: Looking = field(default_factory=Looking)
-    beta: float = 0.5
-    seed: int = 0
-    starts: int = 5
-    model: str = AUTO
-    jobs: int = 1
-    workers: tuple[str, Tls] | None = None  # of a cluster, instead of processes
-    share: float = 0.5  # of a clip that is learned from
-    report: Path | None = None
-    ablate: tuple[str, ...] = ()
-    speed: float | None = None
-    length_m: float | None = None
-    licence: str | None = None
-    resume: bool = False
-    quick: bool = False
-    thorough: bool = False
-    beside: bool | None = None  # judge it beside the shipped brushes; None: unless quick
-    json: bool = False
-    device: str = "auto"
-    command: str = ""
-    crew: Cluster | None = None  # `workers`, while they are in use
-    helpers: Helpers = field(default_factory=Helpers)  # `jobs`, begun already or while they are in use
-    silent: bool = False  # no tables; the result is for a program
 
 
 @dataclass
@@ -100,7 +73,12 @@ class BrushTask:
 
     def state(self, number=0) -> Path:
         """Where the learning of the so-manieth part keeps what it has, to go on after an interruption."""
-        return self.out.with_name(f"{name_of(self.out)}.learning{number + 1 if number else ''}")
+        return state_of(self.out, number)
+
+    def forget(self, parts):
+        """Remove what the learning of the first parts kept."""
+        for part in range(parts):
+            self.state(part).unlink(missing_ok=True)
 
 
 def learn_brushes(wishes: LearnOptions) -> list[Findings]:
@@ -113,8 +91,8 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
     Stopped
         When the user interrupts it: the best so far is written.
     """
-    regions = _checked(wishes)
-    outputs = [*_brush_files(wishes, regions), *([wishes.report] if wishes.report else [])]
+    regions = checked(wishes)
+    outputs = [*brush_files(wishes, regions), *([wishes.report] if wishes.report else [])]
     crew = cluster(*wishes.workers) if wishes.workers else nullcontext()
     rehearsed = compiling_for("flockbrush.learning.rehearsal:rehearse")
     helpers = wishes.helpers if wishes.helpers.jobs == wishes.jobs else Helpers(wishes.jobs)
@@ -126,7 +104,7 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
             raise Stopped from None
         herds = _herds(wishes, seen, regions)
         learned_from = [part for herd in herds for one in herd.seen for part, _ in one.parts]
-        _needs_torch(learned_from + [one.whole for herd in herds for one in herd.seen], wishes)
+        check_fields(learned_from + [one.whole for herd in herds for one in herd.seen], wishes)
         found: list[Findings] = []
         for herd in herds:
             found.append(_learned_herd(herd, wishes, interrupts))
@@ -141,66 +119,6 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
             say(f"stopped; no brush was learned for {', '.join(missing)}")
         raise Stopped
     return found
-
-
-# before the work begins ---------------------------------------------------------------------
-
-
-def _checked(wishes) -> list[Region]:
-    """The regions of the mask, when all that can be known to be wrong is right."""
-    name, looking = name_of(wishes.out), wishes.looking
-    check_kind(wishes.model)
-    if wishes.quick and wishes.thorough:
-        raise refused("--thorough", "it searches longer and --quick shorter; use one of them")
-    if wishes.thorough and wishes.model not in (HERD, AUTO):
-        raise refused("--thorough", f"it is for the search of the herd model, and the model is {wishes.model}")
-    if wishes.workers and wishes.model not in (HERD, AUTO):
-        raise refused("--cluster", f"the model {wishes.model} is fitted locally; only the herd model can use a cluster")
-    if wishes.resume and wishes.model not in (HERD, AUTO):
-        raise refused("--resume", f"only the search of the herd model is kept, and the model is {wishes.model}")
-    regions = regions_of(looking.regions) if looking.regions else []
-    if regions and len(wishes.clips) > 1:
-        raise refused(looking.regions, "a region mask can only be used with one clip, got several")
-    outs = _brush_files(wishes, regions)
-    for out in outs:
-        name_of(out)
-    inputs = [*wishes.clips, *(p for p in (looking.regions, looking.obstacles) if p)]
-    problems = output_problems(outs, inputs)
-    if wishes.report is not None:
-        parts = map(name_of, outs) if regions else ()
-        problems += folder_problems(wishes.report, parts) or drawing_problems(wishes.report)
-    state = BrushTask(outs[0], []).state()
-    if wishes.resume and not any(BrushTask(out, []).state().exists() for out in outs):
-        missing = f"there is no interrupted learning of {name} to continue; leave out --resume"
-        problems += refused(state, missing).problems
-    if problems:
-        raise ProblemsError(problems)
-    return regions
-
-
-def _brush_files(wishes, regions):
-    return [_region_out(wishes.out, region) for region in regions] or [wishes.out]
-
-
-def _region_out(out, region):
-    return out.with_name(f"{name_of(out)}-{region.word}.brush.toml")
-
-
-def _needs_torch(evidences, wishes):
-    """Refuse, in plain words, what cannot be done without torch: learning from fields alone."""
-    if all(followed(evidence) for evidence in evidences):
-        return
-    if importlib.util.find_spec("torch") is None:
-        raise refused(
-            evidences[0].name,
-            "single animals could not be separated; learning from fields alone needs torch, which is not installed: "
-            'pip install "flockbrush[learn]"',
-        )
-    from flockbrush.learning.torch_herd import missing_device
-
-    problem = missing_device(wishes.device)
-    if problem:
-        raise refused("--device", problem)
 
 
 # what the clips show ---------------------------------------------------------------------------
@@ -245,7 +163,7 @@ def _herds(wishes, seen: list[ClipFolds], regions) -> list[BrushTask]:
         if part is None:
             say(f"{region.colour}: almost no animals are in this region; no brush is learned from it")
             continue
-        made.append(BrushTask(_region_out(wishes.out, region), [part], region))
+        made.append(BrushTask(region_out(wishes.out, region), [part], region))
     if not made:
         raise refused(wishes.looking.regions, "none of its regions contains animals")
     return made
@@ -288,7 +206,7 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
         elif wishes.ablate and herd.kind != HERD:
             say(f"--ablate was ignored: it needs the herd model, and this model is {herd.kind}")
         elif wishes.ablate:
-            _ablate(found, wishes, interrupts, herd)
+            _ablate(found, folds, wishes, interrupts, herd)
         found.seconds["comparing"] = time.perf_counter() - began
         notes = [*found.notes, *filter(None, [found.counts_sentence(), found.starts_sentence()])]
         found.brush = _brush(herd, found.learned, found.clips, wishes, found.figures(), notes)
@@ -300,8 +218,7 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
     program = program_of(found.brush, found.clips)
     herd.program = None if program is None else program.write(herd.out)[0]
     if not found.learned.interrupted and not (interrupts.asked and herd.region):  # other regions go on
-        for k in range(len(folds) + 1):
-            herd.state(k).unlink(missing_ok=True)
+        herd.forget(len(folds) + 1)
     if wishes.report is not None:
         make_folder(wishes.report)
         folder = wishes.report if herd.region is None else wishes.report / found.brush.name
@@ -369,6 +286,7 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     )
     if interrupts.asked or None in (*checks, *theirs):
         return first
+    herd.forget(len(judged) + 1)  # nothing is left to be continued
     _refuse_strangers(wholes, checks)
     parts = (
         "each clip" if len(wholes) > 1 else f"{len(judged)} parts of the clip" if len(judged) > 1 else "the second part"
@@ -469,11 +387,12 @@ def _rivals(frames, found) -> dict[str, Brush]:
     return {name: papers[name].model_copy(update={"speed": found.learned.speed}) for name in names}
 
 
-def _ablate(found, wishes, interrupts, herd):
+def _ablate(found, folds, wishes, interrupts, herd):
+    """Fill in what comes of the first fold without parts of the method: its brush is the one that is compared."""
     frames = found.held if found.held is not None else found.clips[0]
 
     def without(part):
-        return _learned(found.clips, herd, wishes, interrupts, False, USE - {part}, fresh=True)
+        return _learned(folds[0].clips, herd, wishes, interrupts, False, USE - {part}, fresh=True, of=len(folds))
 
     found.ablations = ablated(wishes.ablate, frames, found.comparison, without, say)
 

@@ -312,6 +312,50 @@ def test_a_thorough_search_takes_four_times_the_work_and_is_of_the_herd_model(cl
         assert done.code == 1 and "--thorough" in done.err and words in done.err
 
 
+def test_parts_are_left_out_of_the_fit_that_is_compared(cli, films, quick, tmp_path, monkeypatch):
+    """From the same frames, none of which is held out, with as much work."""
+    import flockbrush.learning.learn
+
+    done = []
+
+    def noted(clips, settings, **how):
+        done.append(([clip.fields.frames.tolist() for clip in clips], settings.budget_s, sorted(settings.use)))
+        return filmed.learn(clips, settings, **how)
+
+    monkeypatch.setattr(flockbrush.learning.learn, "learn", noted)
+    assert cli("learn", films / "one.mp4", "-o", tmp_path / "x.brush.toml", "--ablate", "angular").code == 0
+    first, *_, without = done
+    assert first[2] != without[2] and "angular" not in without[2]
+    assert first[:2] == without[:2] and max(without[0][0]) == 9
+
+
+def test_options_that_change_nothing_are_refused_or_told(cli, films, quick, tmp_path):
+    one, two, out = films / "one.mp4", films / "two.mp4", tmp_path / "x.brush.toml"
+    for arguments, told in (
+        ((one, two, "--share", 0.3), "--share: of 2 clips each is held out in turn"),
+        ((one, "--model", "zones", "--starts", 3), "--starts: it is for the search of the herd model"),
+        ((one, "--model", "zones", "--device", "cpu"), "--device: it is for the search of the herd model"),
+        ((one, one), f"{one}: has the same content as {one}"),
+    ):
+        done = cli("learn", *arguments, "--out", out)
+        assert done.code == 1 and told in done.err, done.err
+    assert nothing_in(tmp_path)
+    done = cli("learn", one, "--out", out, "--quick", "--starts", 40, "--beta", 0.9, "--device", "cpu")
+    assert done.code == 0 and "--starts 40 is cut to 2" in done.err
+    assert "--beta was ignored" in done.err and "--device was ignored" in done.err
+
+
+def test_clips_that_do_not_fit_together_leave_no_kept_work(cli, films, quick, tmp_path, monkeypatch):
+    import flockbrush.learning.learn as learning
+
+    def strangers(wholes, checks):
+        raise learning.refused(wholes[0].name, "no single brush fits these clips")
+
+    monkeypatch.setattr(learning, "_refuse_strangers", strangers)
+    done = cli("learn", films / "one.mp4", films / "two.mp4", "--out", tmp_path / "x.brush.toml")
+    assert done.code == 1 and "no single brush" in done.err and nothing_in(tmp_path)
+
+
 def test_torch_is_needed_only_where_animals_cannot_be_told_apart(cli, films, quick, tmp_path, monkeypatch):
     import flockbrush.film.open_clip
 
