@@ -24,9 +24,11 @@ from flockbrush.runs.terminal import say
 
 QUICK_STARTS = 2
 OF_HERD = {  # options that do nothing for other models, and why
-    "workers": "only the herd model can use a cluster, other models are fitted locally",
-    "resume": "only the search of the herd model is kept",
-    **dict.fromkeys(("thorough", "starts", "beta", "device"), "it is for the search of the herd model"),
+    "workers": "the model {} is fitted locally; only the herd model can use a cluster",
+    "resume": "only the search of the herd model is kept, and the model is {}",
+    **dict.fromkeys(
+        ("thorough", "starts", "beta", "device"), "it is for the search of the herd model, and the model is {}"
+    ),
 }
 
 
@@ -116,7 +118,7 @@ def _check_together(wishes):
     for name, told in OF_HERD.items():
         if wishes.given(name) and wishes.model not in (HERD, AUTO):
             option = {"workers": "cluster"}.get(name, name)
-            raise refused(f"--{option}", f"{told}, and the model is {wishes.model}")
+            raise refused(f"--{option}", told.format(wishes.model))
 
 
 def _check_different(clips):
