@@ -35,7 +35,7 @@ def serve_level(service: ServeOptions):
         with warnings.catch_warnings(action="ignore"):  # the start itself tells
             rehearse(name=service.level, seed=service.seed, agents=service.agents, brush=service.brush)
         simulation = running.start(*world)
-        serving = Serving(simulation, service.host, service.port, service.frame_rate)
+        serving = Serving(simulation, service.host, service.port, service.frame_rate, say=say)
         serving.link.start()
         _announce(service, serving.link)
         with recorder_of(service.record, simulation) as recorder:

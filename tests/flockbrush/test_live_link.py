@@ -25,11 +25,13 @@ from flockbrush.engine import limits
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import open_recording
 from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.obstacle_commands import RemoveObstacle
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from flockbrush.output.live import link as live_link
 from flockbrush.output.live.frame import COLUMNS, FrameError, pack, unpack
+from flockbrush.output.live.messages import read_request
 from flockbrush.output.live.serving import Serving
 from flockbrush.runs import run as running
 from flockbrush.runs.catalogue import LABELS, Label
@@ -182,6 +184,57 @@ class TestSteering:
             assert ask(connection, undo=True)["type"] == "done"
             assert [goal.name for goal in goals] == before
             assert ask(connection, undo=True)["message"] == "there is nothing to undo"
+
+    def test_the_answer_to_undo_names_the_last_command_that_changed_something(self, monkeypatch):
+        """Without ticks: the geese fly in line formation at first."""
+        served, told = Serving(running.start("geese", agents=6)), []
+        monkeypatch.setattr(served.link, "tell", lambda client, text: told.append(json.loads(text)))
+        gust = {"x": 3.0, "y": 0.0}
+        of_none = {**gust, "at_x": -500.0, "at_y": -500.0, "radius": 1.0}
+        asked = [{"command": command} for command in (["PlaceGoal", GOAL], ["Gust", gust], ["Gust", of_none])]
+        for number, request in enumerate([*asked, {"undo": True}, {"undo": True}]):
+            served.link.requests.put((None, read_request(json.dumps({"id": number, **request}))))
+        served.answer()
+        served.simulation.close()
+        assert [answer["type"] for answer in told] == ["done"] * 5
+        assert [answer.get("undone") for answer in told] == [None, None, None, "Gust", "PlaceGoal"]
+
+    def test_a_step_that_can_no_longer_be_undone_is_named_and_does_not_block_those_before_it(self):
+        with serving() as served, client(served) as connection:
+            goals = served.simulation.world.resource(Landscape).goals
+            before = [goal.name for goal in goals]
+            wall = {"name": "wall", "points": [[50, 50], [55, 50], [55, 55], [50, 55]], "solid": True}
+            assert ask(connection, command=["PlaceGoal", GOAL])["type"] == "done"
+            assert ask(connection, command=["AddObstacle", wall])["type"] == "done"
+            assert ask(connection, play=False)["type"] == "done"
+            served.simulation.submit(RemoveObstacle("wall"))  # as a script does
+            assert ask(connection, play=True)["type"] == "done"
+            while any(o.name == "wall" for o in served.simulation.world.resource(Landscape).obstacles):
+                time.sleep(0.01)
+            told = ask(connection, undo=True)
+            assert told["type"] == "error"
+            assert "AddObstacle can no longer be undone (there is no obstacle 'wall'" in told["message"]
+            assert ask(connection, undo=True)["undone"] == "PlaceGoal"
+            assert [goal.name for goal in goals] == before
+
+    def test_a_command_of_the_script_that_cannot_be_done_is_told_to_all_and_ends_nothing(self):
+        said = []
+        with serving(say=said.append) as served, client(served) as one, client(served) as other:
+            assert ask(one, play=False)["type"] == "done"
+            when = (served.simulation.clock.tick + 2) * served.simulation.clock.dt
+            key = {"id": 900, "name": "k", "when": when, "x": 0.0, "y": 0.0, "command": "MoveObstacle"}
+            key["args"] = {"name": "tree 1", "x": 3.0, "y": 1.0}
+            assert ask(one, command=["PlaceKey", key])["type"] == "done"
+            assert ask(one, command=["RemoveObstacle", {"name": "tree 1"}])["type"] == "done"
+            assert ask(one, play=True)["type"] == "done"
+            told = [texts(connection, "error") for connection in (one, other)]
+            assert told[0] == told[1] and told[0]["id"] is None
+            assert "object 900 in layer 'script'" in told[0]["message"]
+            assert "there is no obstacle 'tree 1'" in told[0]["message"]
+            assert said == [told[0]["message"]]
+            before = served.simulation.clock.tick
+            while frame(other)["tick"] <= before:
+                pass
 
     def test_steered_leaders_go_where_they_are_sent(self):
         with serving() as served, client(served) as connection:

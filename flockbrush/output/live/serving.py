@@ -8,7 +8,7 @@ import time
 
 from flockbrush.engine import limits
 from flockbrush.engine.commands import CommandError, Commands
-from flockbrush.levels.steps import UndoStack
+from flockbrush.levels.steps import CommandStack
 from flockbrush.output.live.frame import LABELLED, pack
 from flockbrush.output.live.link import Link
 from flockbrush.output.live.messages import hello, names, place
@@ -34,14 +34,16 @@ class Serving:
         Frames per second; between two ticks animals are where they pass.
     after_tick : function (), optional
         Called after every tick, by a recorder.
+    say : function (text), optional
+        Told what clients are told that no request asked for.
     """
 
-    def __init__(self, simulation, host="127.0.0.1", port=0, fps=FASTEST, after_tick=None, token=None):
+    def __init__(self, simulation, host="127.0.0.1", port=0, fps=FASTEST, after_tick=None, token=None, say=None):
         self.simulation, self.fps = simulation, fps
-        self.after_tick = after_tick or (lambda: None)
+        self.after_tick, self.say = after_tick or (lambda: None), say or (lambda text: None)
         self.wrap = simulation.world.resource(Landscape).wrap
         self.playing = True
-        self.steps = UndoStack(int(limits.LIVE_UNDO))  # lists of what takes commands back
+        self.steps = CommandStack(int(limits.LIVE_UNDO))
         self.unrecorded = False  # commands since the last tick
         self._texts = self._described()
         self.link = Link(host, port, lambda: list(self._texts.values()), token)
@@ -81,8 +83,14 @@ class Serving:
             self.link.close()
 
     def tick(self):
-        """One step of the world."""
-        self.simulation.tick()
+        """One step of the world; all clients are told of commands of the script that cannot be done."""
+        while True:
+            try:
+                self.simulation.tick()
+                break
+            except CommandError as error:  # that command is dropped, and no tick has passed
+                self.say(str(error))
+                self.link.tell_all(json.dumps({"type": "error", "id": None, "message": str(error)}))
         self._made = time.time()
         self.unrecorded = False
         self.after_tick()
@@ -126,25 +134,42 @@ class Serving:
     def _done(self, request):
         clock = self.simulation.clock
         try:
-            self._do(request)
+            told = self._do(request)
         except CommandError as error:
             return {"type": "error", "id": request.id, "message": error.reason}
-        return {"type": "done", "id": request.id, "tick": clock.tick}
+        return {"type": "done", "id": request.id, "tick": clock.tick, **told}
 
     def _do(self, request):
-        commands = self.simulation.world.resource(Commands)
+        """Carry out a request; what else the answer says."""
+        told = {}
         if request.play is not None:
             self.playing = request.play
         elif request.undo:
-            if not self.steps.done:
-                raise CommandError(self.simulation.clock.tick, None, "there is nothing to undo")
-            commands.perform(self.simulation.world, self.steps.done[-1])
-            self.steps.take_back()
-            self.unrecorded = True
+            told["undone"] = self._undo()
         else:
-            back = commands.perform(self.simulation.world, [request.command])
+            back = self._perform([request.command])
             if back:
-                self.steps.push(back)
-            self.unrecorded = True
+                name, tick = type(request.command).__name__, self.simulation.clock.tick
+                self.steps.note(name, [request.command], back, tick, None)
         if not self.playing:
             self._moments = [self._moment()] * 2
+        return told
+
+    def _undo(self):
+        """Take back the last command, and forget it, also when the herd can no longer be changed back; its name."""
+        name, commands = self.steps.undo_label, self.steps.undo_commands
+        if commands is None:
+            raise CommandError(self.simulation.clock.tick, None, "there is nothing to undo")
+        self.steps.take_back()
+        try:
+            self._perform(commands)
+        except CommandError as error:
+            reason = f"{name} can no longer be undone ({error.reason}); the next undo is of what was done before it"
+            raise CommandError(self.simulation.clock.tick, error.command, reason) from error
+        return name
+
+    def _perform(self, commands):
+        """Do these at once; what takes them back."""
+        back = self.simulation.world.resource(Commands).perform(self.simulation.world, commands)
+        self.unrecorded = True
+        return back
