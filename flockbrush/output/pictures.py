@@ -8,6 +8,8 @@ import numpy as np
 
 from flockbrush.components import Body, Position
 from flockbrush.runs.snapshots import Moment
+from flockbrush.systems.ground_height import heights_of_ground
+from flockbrush.systems.landscape import Landscape
 
 IN_SPACE = (1280, 720)  # pixels of a picture in space
 WORDS = 90  # pixels for title, legend and scale
@@ -39,12 +41,19 @@ def herd_of(simulation, moment: Moment):
         brush_names=tuple(palette.names),
         predator=danger[moment.brush] if len(danger) else None,
         ids=moment.ids,
-        z=moment.xyz[:, 2],
+        z=above_ground(simulation, moment.xyz, moment.length),
         wings=wings_of(clip, phase, flying) if flying.any() else None,
         up=moment.up,
         postures=Postures(gaits.limbs().look[moment.species], clip, phase),
         wakes=wakes_of(simulation, moment, clip, flying),
     )
+
+
+def above_ground(simulation, xyz, length) -> np.ndarray:
+    """(n,) heights over the ground, m; 0 within half a body length of it, as between two ticks on hills."""
+    land = simulation.world.resource(Landscape)
+    above = xyz[:, 2] - heights_of_ground(land.relief, land.relief_cell, np.ascontiguousarray(xyz))
+    return np.where(above < 0.5 * length, 0.0, above)
 
 
 def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, elevation=None, clean=False, dust=True):
@@ -70,7 +79,8 @@ def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, 
     painter.dust, painter.bare = dust and not clean, clean
     if elevation is None:
         agents = simulation.agents
-        flying = len(agents) and (agents[Position.xyz][:, 2] > agents[Body.length]).mean() > 0.5
+        length = agents[Body.length]
+        flying = len(agents) and (above_ground(simulation, agents[Position.xyz], length) > length).mean() > 0.5
         elevation = 14.0 if flying else 30.0
     painter.look(replace(painter.camera, azimuth=np.radians(azimuth), elevation=np.radians(elevation)))
     return painter

@@ -6,8 +6,8 @@
     painter.look(painter.around(herd))                   # as near as all of them fit in
     frame = painter.frame(herd, time=2.0, selected=17)
 
-A herd is that of the plan, with heights and headings in space: `Herd.xy` and `Herd.forward` of shape (n, 3), and
-`Herd.up` for those that bank.
+A herd is that of the plan, with heights over the ground and headings in space: `Herd.xy` and `Herd.forward` of shape
+(n, 3), and `Herd.up` for those that bank.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from flockbrush.render.mesh_bodies import MOST, NO_LOOK, large, meshes
 from flockbrush.render.orbit import OrbitCamera, box_corners
 from flockbrush.render.painter import brush_rgb, brushes_in_sight, copied
 from flockbrush.render.see_through import opacities
-from flockbrush.render.shapes import FrameBuffer, bilinear, ink_of
+from flockbrush.render.shapes import FrameBuffer, ink_of
 from flockbrush.render.solid_meshes import stood_up, together
 from flockbrush.render.space_marks import SpaceMarks
 from flockbrush.render.sprites import look_colours, looks_of
@@ -203,16 +203,6 @@ class SpacePainter:
             return None
         return ViewCamera((float(x), float(y)), scale, (CLOSE, CLOSE), (0, 0, CLOSE, CLOSE))
 
-    def ground_height(self, xy) -> np.ndarray:
-        """Height of the ground under points (n, 2), m: what is drawn flat."""
-        land = getattr(self.level, "land", None)
-        relief = getattr(land, "relief", None)
-        if land is None or relief is None or relief.shape[:2] == (1, 1):
-            return np.full(len(xy), self.floor)
-        at = np.asarray(xy, float) / land.relief_cell - 0.5
-        heights = np.ascontiguousarray(relief[..., 0], np.float32)
-        return np.array([bilinear(heights, 0, 0, np.array([x]), np.array([y]))[0, 0] for x, y in at], float)
-
     def faces(self, tall):
         """(faces, colours, obstacle of each) of the obstacles; those without a told height are `tall` m high."""
         obstacles = list(getattr(self.level, "obstacles", None) or [])
@@ -228,14 +218,13 @@ class SpacePainter:
     def bodies_of(self, herd, original: DrawnHerd) -> SpaceHerd:
         """Places and attitudes in space of a herd that is `checked`, as it was `told`; ValueError names a bad row."""
         count = len(herd.xy)
-        height = np.asarray(herd.z, float)
+        above = np.asarray(herd.z, float)
         if original.z is None and np.ndim(original.xy) == 2 and np.shape(original.xy)[1] == 3:
-            height = np.ascontiguousarray(np.asarray(original.xy, float)[:, 2])
-            refuse_nan(height, "height")
+            above = np.ascontiguousarray(np.asarray(original.xy, float)[:, 2])
+            refuse_nan(above, "height")
         forward = np.zeros((count, 3))
         forward[:, : np.shape(original.forward)[1]] = original.forward
         refuse_nan(forward, "heading")
-        above = height - (self.ground_height(herd.xy) if self.level is not None else 0.0)
         winged = np.isfinite(np.asarray(herd.wings, float))
         ground = self.floor
         walks = ~winged & (above < ground + 0.5 * herd.length)

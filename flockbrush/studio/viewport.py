@@ -118,7 +118,7 @@ class Viewport:
         if len(herd.xy) and float(np.mean(herd.z > herd.length)) > 0.5:
             self.toggle_space()
             self.follow()
-            self._followed = None, np.median(self._moment.xyz, axis=0)  # the first look shows all of it: it stays
+            self._followed = None, np.median(self._places(), axis=0)  # the first look shows all of it: it stays
 
     def _first_look(self):
         """From behind the herd, a little above it: who flies is seen before the sky."""
@@ -261,7 +261,7 @@ class Viewport:
                 under=under if lying else None, selected=app.selected,
             )  # fmt: skip
             in_space = {name for name, overlay in OVERLAYS.items() if overlay.in_space}
-            self._overlays.over(self.frame, self.camera, app.overlays & in_space, moment)
+            self._overlays.over(self.frame, self.camera, app.overlays & in_space, replace(moment, xyz=self._places()))
             return
         self.painter.frame(
             self.herd, moment.time, "", legend=False, trails=trails, out=self.frame, under=self._under
@@ -279,13 +279,18 @@ class Viewport:
         self.herd = herd_of(self._simulation, moment)
         return moment
 
+    def _places(self):
+        """(n, 3) m, where the animals are drawn in space: on flat ground."""
+        return np.column_stack([self.herd.xy, self.herd.z])
+
     def _go_along(self):
         """Move the view as far as the herd has moved, or the selected animal."""
         if not self.follows or not len(self.herd.xy):
             return
         app, moment = self.app, self._moment
         chosen = moment.ids == app.selected if app.selected is not None else np.zeros(len(moment), bool)
-        place = moment.xyz[chosen][0] if chosen.any() else np.median(moment.xyz, axis=0)
+        places = self._places()
+        place = places[chosen][0] if chosen.any() else np.median(places, axis=0)
         key = (app.selected if chosen.any() else None, place)
         before, self._followed = self._followed, key
         if before is None or before[0] != key[0]:

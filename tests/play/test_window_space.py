@@ -3,6 +3,8 @@
 import numpy as np
 import pygame
 import pytest
+from flockbrush.components import Position
+from flockbrush.systems.landscape import Landscape
 from window import Window
 
 from flockbrush.render.orbit import OrbitCamera
@@ -144,6 +146,21 @@ def test_the_mouse_over_a_bird_says_who_it_is_and_how_high(flock):
     flock.post(pygame.MOUSEMOTION, pos=over(flock, row), rel=(0, 0), buttons=(0, 0, 0))
     herd = flock.canvas.herd
     assert flock._under_mouse() == f"starlings {herd.ids[row]}   {herd.z[row]:.1f} m up"
+
+
+def test_a_herd_on_a_mountain_is_not_taken_to_fly_and_followed_on_the_flat_ground(window):
+    simulation = window.session.simulation
+    simulation.world.resource(Landscape).relief[..., 0] += 40.0
+    simulation.agents[Position.xyz][:, 2] += 40.0
+    window.session.step()
+    window.frames(2)
+    assert window.session.view().xyz[:, 2] == pytest.approx(40.0, abs=0.2) and not window.canvas.herd.z.any()
+    window.canvas.show_flyers()
+    assert not window.canvas.in_space
+    window.canvas.toggle_space()
+    window.key("t")
+    window.frames(2)
+    assert window.canvas.follows and window.canvas.camera.target[2] < 2.0
 
 
 def test_the_view_follows_the_herd_in_space_and_on_the_plan(flock):
