@@ -32,7 +32,7 @@ from flockbrush.render.strokes import (
     links_of,
     sight_mask,
 )
-from flockbrush.render.style import mix, rgb, scale_colours, theme_of
+from flockbrush.render.style import mix, rgb, scale_colours, theme_of, worn
 from flockbrush.render.text import words
 from flockbrush.render.walkable_overlay import walkable_layer
 from flockbrush.runs.catalogue import catalogue_of
@@ -73,9 +73,9 @@ class Overlays:
         """The running world."""
         return self.scenery.simulation.world
 
-    def under(self, frame, camera, shown, moment=None):
-        """Draw those that lie below the animals; `shown` holds names, unknown ones are left out."""
-        foot = camera.view[3] - 12 * self.unit
+    def under(self, frame, camera, shown, moment=None, free=0):
+        """Draw those of these names that lie below the animals; legends leave so many pixels `free` below them."""
+        foot = camera.view[3] - free - 12 * self.unit
         if "walkable" in shown:
             self._kept(frame, camera, "walkable", (self.scenery.land.blocked,), self._walkable)
         if "regions" in shown:
@@ -151,8 +151,9 @@ class Overlays:
 
     def _brushes(self, camera):
         rows, columns = self._cells(camera)
-        colours = tuple(self.scenery.brush_colours.items())
-        return self.scenery.land.brush[rows, columns].copy(), rows, columns, colours
+        colours = self.scenery.brush_colours
+        named = tuple(zip(colours, worn(tuple(colours.values()), self.theme), strict=True))
+        return self.scenery.land.brush[rows, columns].copy(), rows, columns, named
 
     def _caps(self, camera):
         rows, columns = self._cells(camera)

@@ -111,15 +111,22 @@ class ScaleBar:
     def __init__(self, app):
         self.app, self._said, self.picture = app, None, None
 
+    def height(self, size, camera):
+        """Pixels at the lower edge of a canvas of this size that the bar takes."""
+        return px(self.app.scale, 10) + self.picture.get_height() if self._fits(size, camera) else 0
+
     def draw(self, surface, camera):
         """Lay the bar on the lower left of the canvas."""
+        if self._fits(surface.get_size(), camera):
+            pad = px(self.app.scale, 10)
+            surface.blit(self.picture, self.picture.get_rect(bottomleft=(pad, surface.get_height() - pad)))
+
+    def _fits(self, size, camera):
+        """Whether there is room for the bar, which is drawn anew when it says something else."""
         content = (camera.scale, self.app.theme.name, self.app.scale)
         if content != self._said:
             self._said, self.picture = content, self._bar(camera.scale)
-        width, height = surface.get_size()
-        if self.picture.get_width() < 0.6 * width and height > 160:
-            pad = px(self.app.scale, 10)
-            surface.blit(self.picture, self.picture.get_rect(bottomleft=(pad, height - pad)))
+        return self.picture.get_width() < 0.6 * size[0] and size[1] > 160
 
     def _bar(self, scale):
         c, u = chrome(self.app.theme), self.app.scale

@@ -312,7 +312,8 @@ class Viewport:
         self.look(self.camera.at(*place) if self.in_space else self.camera.at(*place[:2]))
 
     def _under(self, frame):
-        self._overlays.under(frame, self.camera, self.app.overlays, self._moment)
+        free = self.app.scale_bar.height(self.rect.size, self.camera)
+        self._overlays.under(frame, self.camera, self.app.overlays, self._moment, free)
 
     def _lying(self):
         """Names of the overlays that lie on the ground in space."""

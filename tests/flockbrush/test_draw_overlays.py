@@ -1,5 +1,7 @@
 """What is laid over a herd: it says what is so, where it is so, and its words can be read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flockbrush.components import Body, FormationPlace, Position
@@ -15,6 +17,7 @@ from flockbrush.render.forces import arrows_of, place_names
 from flockbrush.render.overlay_registry import OVERLAYS, load_overlays
 from flockbrush.render.overlays import Overlays
 from flockbrush.render.strokes import RAYS, count_in_cells, draw_arrow, draw_lines, how_far, links_of
+from flockbrush.render.style import rgb, theme_of, worn
 from flockbrush.runs.power_savings import savings_of
 from flockbrush.runs.run import start
 from flockbrush.runs.snapshots import moment_of
@@ -300,6 +303,28 @@ def test_caps_say_how_fast(look, monkeypatch):
     said.clear()
     other.frame({"caps"})
     assert said == ["no speed limits in view"]
+
+
+@pytest.mark.parametrize("name", ["caps", "density"])
+def test_legends_leave_free_what_they_are_told(look, name):
+    camera = replace(look.camera, centre=(-500.0, 0.0))  # beside the map: only legends are drawn
+    for free in (0, 40):
+        frame = np.zeros((*SIZE[::-1], 3), np.uint8)
+        look.overlays.under(frame, camera, {name}, look.moment, free)
+        assert 0 <= SIZE[1] - free - 12 - np.nonzero(frame.any(axis=(1, 2)))[0].max() < 20
+
+
+@pytest.mark.parametrize("palette", ["own", "okabe-ito"])
+def test_brush_regions_have_the_colour_of_their_brush_in_the_palette(palette, monkeypatch):
+    theme = theme_of("light", palette)
+    other = Look(small_world(), theme)
+    Paint("brush", "other", 10.0, 10.0, 20.0, 12.0, 4.0).apply(other.simulation.world)
+    filled = []
+    monkeypatch.setattr(Overlays, "_filled", lambda self, *args: filled.extend(args[-2]) or (lambda canvas: None))
+    other.frame({"regions"})
+    colours = other.scenery.brush_colours
+    wanted = dict(zip(colours, map(rgb, worn(tuple(colours.values()), theme)), strict=True))
+    assert {name: colour for _, name, colour in filled} == wanted
 
 
 def test_bodies_are_as_large_as_they_touch(look):

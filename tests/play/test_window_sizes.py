@@ -86,6 +86,16 @@ def test_a_window_of_any_size_is_drawn(tmp_path, size, theme):
     window.close()
 
 
+def test_legends_of_overlays_stand_above_the_scale_bar(window):
+    bar = window.scale_bar.height(window.canvas.rect.size, window.canvas.camera)
+    pictures = []
+    for window.overlays in (set(), {"caps"}):
+        window.frames(1)
+        pictures.append(window.canvas.frame.copy())
+    rows = np.nonzero((pictures[0] != pictures[1]).any(axis=(1, 2)))[0]
+    assert len(rows) and bar > 20 and rows.max() < window.canvas.rect.height - bar
+
+
 def test_parts_stand_beside_each_other():
     from flockbrush.studio.layout import places
 
