@@ -15,7 +15,7 @@ from flockbrush.render.animal_looks import WIDE
 from flockbrush.render.facets import SpacePose, deep, draw_triangle, haze_at, lit, pixel, pixel_of
 from flockbrush.render.far_bodies import BACK, BEATS, BELLY, FarBody, draw_far_beast, draw_far_bird, step_of
 from flockbrush.render.gaits import sizes
-from flockbrush.render.mesh_bodies import Postures, draw_mesh, mesh_inks
+from flockbrush.render.mesh_bodies import PALE, Postures, draw_mesh, mesh_inks
 from flockbrush.render.shapes import kernel
 
 SMALLEST = 6.0  # pixels; animals farther away are drawn as long as this, to be seen at all
@@ -94,7 +94,7 @@ def draw_bodies(buffer, cam, order, herd, meshes, colours, haze, sun, smallest):
         light = _in_axes(axes, sun[0], sun[1], sun[2])
         eye = _in_axes(axes, (cam[0] - px) / size, (cam[1] - py) / size, (cam[2] - pz) / size)
         winged = beat > NO_WINGS
-        _inks(ink, colours, look, winged)
+        _inks(ink, colours, look, winged, long)
         _fade(ink, haze.ink, fog)
         thick = min(max(radius[i] / length, 0.06), 0.5)
         if long < COARSE:
@@ -157,14 +157,18 @@ def _unit(x, y, z, ox, oy, oz):
 
 
 @kernel
-def _inks(ink, colours, look, winged):
-    """Colours of body, head, wings and wing tips (or legs)."""
+def _inks(ink, colours, look, winged, long):
+    """Colours of body, head, wings and wing tips (or legs) of a body of so many pixels.
+
+    The head is as pale as that of a mesh where the body is large enough for legs, and the paler the smaller it is.
+    """
     leads, share = look % KINDS == LEADER, 0.75 if winged else 0.9
+    pale = PALE + (1.0 - PALE) * min(max((LEGS - long) / (LEGS - COARSE), 0.0), 1.0)
     for c in range(3):
         body, mark = colours[look, 0, c], colours[look, 3, c]
         skin = mark if leads else body
         ink[0, c] = body if winged else skin
-        ink[1, c] = mark if leads and not winged else colours[look, 1, c]
+        ink[1, c] = mark if leads and not winged else body + (colours[look, 1, c] - body) * pale
         ink[2, c] = skin
         ink[3, c] = skin + (colours[look, 2, c] - skin) * share
 

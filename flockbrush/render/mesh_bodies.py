@@ -78,23 +78,21 @@ def _inks_of(mesh):
     return np.select([wing, shade == LIGHT, shade == DARK], [WING, HEAD, LIMB], BODY).astype(np.int64)
 
 
-def _usual(look, long):
-    """The median of `long` (n,) among those of the same look, for each."""
-    usual = np.array(long, float)
-    for one in np.unique(look):
-        usual[look == one] = np.median(long[look == one])
-    return usual
+def usual_lengths(herd) -> np.ndarray:
+    """(n,) m: the mean body length of those of the same species, or of the same look where no species are told."""
+    kind = np.asarray(herd.postures.look if herd.species is None else herd.species, np.int64)
+    kind = kind - kind.min(initial=0)
+    return (np.bincount(kind, herd.length) / np.maximum(np.bincount(kind), 1))[kind]
 
 
 def large(herd, long, flat: bool, least=FROM) -> np.ndarray:
-    """(n,) bool: who has a look and is large enough for it; `long` (n,) pixels of a body length, `flat` from above.
+    """(n,) bool: who has a look and is large enough for it; `flat` from above.
 
-    From above all of one look have legs or none: half a herd without would look like another species.
+    `long` (n,) are the pixels of the usual body length where each is, so that of a species all at one distance have
+    legs or none: half a herd without would look like another species.
     """
     look = herd.postures.look
     known = look >= 0
-    if flat:
-        long = _usual(look, long)
     if not known.any() or not (long > least / 4).any():  # nobody is more than four lengths wide or high
         return known & False
     sides = meshes().span[np.maximum(look, 0)]

@@ -8,7 +8,7 @@ from flockbrush.render.animal_figures import KINDS, NO_WINGS, SHADOW
 from flockbrush.render.drawn_ground import brush_key
 from flockbrush.render.drawn_herd import EMPTY, DrawnHerd, checked
 from flockbrush.render.hud import Hud, Layout, things_of
-from flockbrush.render.mesh_bodies import FROM, large, meshes
+from flockbrush.render.mesh_bodies import FROM, large, meshes, usual_lengths
 from flockbrush.render.shapes import FrameBuffer
 from flockbrush.render.sprites import Sprites, Stamps, looks_of
 from flockbrush.render.style import PALETTE, PLAN_SUN, Theme, rgb, theme_of, worn
@@ -208,7 +208,7 @@ class Painter:
         beats = np.where(winged, herd.wings, NO_WINGS)
         lift = np.maximum(herd.z, winged * herd.length) * (0.35 * self.camera.scale)
         below = np.stack([0.8 * lift, lift], axis=1)
-        big = large(herd, herd.length * self.camera.scale, True, self.limbs)
+        big = large(herd, usual_lengths(herd) * self.camera.scale, True, self.limbs)
         if self.live and self._in_view(at[big], herd.length[big]).sum() > MOST_ABOVE:
             big = np.zeros_like(big)
         standing = herd.z if self.shadows else np.ones(len(at))

@@ -23,7 +23,7 @@ from flockbrush.render.drawn_terrain import nice
 from flockbrush.render.facets import Haze, draw_faces, draw_grid, draw_spots, draw_ways, haze_ground, paint_sky
 from flockbrush.render.ground_texture import CLOSE, FINER, GroundTexture, close_view, identity_of, plan_of
 from flockbrush.render.hud import Hud, Layout
-from flockbrush.render.mesh_bodies import MOST, NO_LOOK, large, meshes
+from flockbrush.render.mesh_bodies import MOST, NO_LOOK, large, meshes, usual_lengths
 from flockbrush.render.orbit import OrbitCamera, box_corners
 from flockbrush.render.painter import brush_rgb, brushes_in_sight, copied
 from flockbrush.render.see_through import opacities
@@ -291,7 +291,7 @@ class SpacePainter:
             marks.stand(bodies.xyz[row], long, self.floor)
         if self.dust:
             wakes_in_space(buffer, self.camera, self.floor, self.theme, herd, bodies.xyz, time)
-        self._animals(buffer, cam, bodies, colours)
+        self._animals(buffer, cam, bodies, colours, usual_lengths(herd))
         if row is not None:
             marks.ring(middles(bodies)[row : row + 1], long)
         self._words(frame, herd, title, time, measures, legend, colours)
@@ -434,15 +434,14 @@ class SpacePainter:
         strength = self.theme.trail * min(1.0, (MANY / max(len(look), 1)) ** 0.35)
         draw_ways(buffer, cam, ways.places, ways.first, ways.last, inks, strength, longest, self._haze)
 
-    def _animals(self, buffer, cam, bodies, colours):
+    def _animals(self, buffer, cam, bodies, colours, usual):
         far = (bodies.xyz - self.camera.eye) @ self.camera.axes[2]
-        smallest = SMALLEST * self.layout.unit
-        long = np.maximum(bodies.length * self.camera.focal / np.maximum(far, 1e-3), smallest)
-        big = large(bodies, long, False) & (far > 0)
+        big = large(bodies, usual * self.camera.focal / np.maximum(far, 1e-3), False) & (far > 0)
         if self.live and big.sum() > MOST:
             big = np.zeros_like(big)
         postures = bodies.postures._replace(look=np.where(big, bodies.postures.look, NO_LOOK))
         bodies = bodies._replace(postures=postures)
+        smallest = SMALLEST * self.layout.unit
         draw_bodies(buffer, cam, far_first(far), bodies, meshes(), colours, self._haze, SUN, smallest)
 
     # who is selected ------------------------------------------------------------------------

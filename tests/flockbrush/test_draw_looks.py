@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from flockbrush.output.pictures import herd_of
+from flockbrush.render import space_view
 from flockbrush.render.animal_figures import KINDS
 from flockbrush.render.animal_looks import CLIPS
 from flockbrush.render.facets import SpacePose
@@ -88,6 +89,36 @@ def test_a_mesh_in_space_stands_where_the_animal_is(look):
     assert len(pixels) > 150 and len(changed(one, other)) > 20
     middle = p.camera.pixels((0.0, 0.0, 1.0))
     assert np.hypot(*(np.median(pixels, axis=0)[::-1] - middle)) < 80
+
+
+def beasts(xyz, **told):
+    """Beasts with legs for those that are large enough, facing east."""
+    count = len(xyz)
+    shown = Postures(*(np.repeat(column, count) for column in posture("beast", 0.1)))
+    told |= {"wings": None, "brush": np.zeros(count, int), "brush_colours": ("#203050",), "postures": shown}
+    return birds(xyz, heading=0.0, **told)
+
+
+def test_those_of_a_species_at_one_distance_all_have_legs_or_none(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(space_view, "draw_bodies", lambda buffer, cam, order, herd, *more: drawn.append(herd.postures))
+    p = space_painter(shadows=False)
+    sizes = np.array([0.8, 1.2, 0.8, 1.2, 4.0])  # the last one is of another species
+    flock = beasts([(3.0 * k, 0.0, 0.0) for k in range(5)], length=sizes, species=np.array([0, 0, 0, 0, 1]))
+    near, far = (camera().focal / pixels for pixels in (35.0, 25.0))
+    for distance, legs in ((near, 5), (far, 1)):
+        p.look(camera(elevation=10.0, distance=distance))
+        p.frame(flock)
+        assert (drawn[-1].look >= 0).sum() == legs, distance
+
+
+def test_heads_are_as_pale_with_legs_as_without():
+    p, pale = space_painter(shadows=False), []
+    p.backdrop = np.zeros((*p.size[::-1], 3), np.uint8)
+    for pixels in (20.0, 33.0):
+        p.look(camera(elevation=25.0, distance=camera().focal / pixels))
+        pale.append(int(p.frame(beasts([(0.0, 0.0, 0.0)]))[..., 0].max()))  # of a blue animal the head is the reddest
+    assert pale[0] == pytest.approx(pale[1], rel=0.15)
 
 
 def test_pictures_show_the_clips_and_phases_that_exports_show():
