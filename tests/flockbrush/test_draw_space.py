@@ -1,16 +1,12 @@
 """Herds in space: where the camera shows what, who hides whom, how a bird that banks looks."""
 
 import time
-from dataclasses import replace
 from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
-from flockbrush.components import Position
-from flockbrush.systems.landscape import Landscape
 
-from flockbrush.output.pictures import herd_of, painter_of
 from flockbrush.render import DrawnHerd, Painter, Scenery
 from flockbrush.render.body_meshes import COARSE, attitude_of, standing
 from flockbrush.render.facets import SpacePose, deep, pixel_of
@@ -20,7 +16,6 @@ from flockbrush.render.solid_meshes import block, hull, stood_up
 from flockbrush.render.space_view import SpacePainter, far_first, sky_of
 from flockbrush.render.ways import Ways
 from flockbrush.runs.run import start
-from flockbrush.runs.snapshots import moment_of
 
 SIZE = (320, 240)
 NOBODY = DrawnHerd(np.zeros((0, 3)), np.zeros((0, 3)))
@@ -430,37 +425,6 @@ def test_the_ground_of_a_level_lies_where_the_plan_has_it():
     one, other = (cv2.GaussianBlur(image[top:bottom, left:right, 2], (0, 0), 4) for image in (plan, seen))
     part = slice(0, -60), slice(0, -70)  # the compass is in a corner
     assert np.corrcoef(one[part].ravel(), other[part].ravel())[0, 1] > 0.9
-
-
-def test_hills_are_drawn_flat_and_those_who_stand_on_them_stand_on_the_ground():
-    simulation = start("predators-valley", seed=1)
-    one, moment = painter(Scenery(simulation)), moment_of(simulation)
-    between_ticks = replace(moment, xyz=moment.xyz + (0.0, 0.0, 0.01))
-    for herd in (herd_of(simulation, moment), herd_of(simulation, between_ticks)):
-        one.look(one.around(herd))
-        one.frame(herd)
-        assert moment.xyz[:, 2].max() > 0.3 and not herd.z.any()
-        assert not one._bodies.xyz[:, 2].any() and one._bodies.walks.all()
-    aloft = herd_of(simulation, replace(moment, xyz=moment.xyz + (0.0, 0.0, 9.0)))
-    assert aloft.z == pytest.approx(9.0)
-
-
-def test_on_the_plan_the_shadow_of_an_animal_on_a_mountain_lies_beside_it():
-    simulation = start("predators-valley", agents=20)
-    simulation.world.resource(Landscape).relief[..., 0] += 40.0
-    moment = moment_of(simulation)
-    herd = herd_of(simulation, replace(moment, xyz=moment.xyz + (0.0, 0.0, 40.0)))
-    one = Painter(Scenery(simulation), (600, 400), words=False, trails=None)
-    rows, columns = np.nonzero(inked(one.frame(herd), one.ground))
-    away = np.hypot(*(one.camera.pixels(herd.xy)[:, None] - np.column_stack([columns, rows])).transpose(2, 0, 1))
-    assert away.min(axis=0).max() < 2.0 * herd.length.max() * one.camera.scale
-
-
-def test_the_camera_looks_as_high_at_a_herd_on_hills_as_at_one_on_flat_ground():
-    simulation = start("predators-valley", seed=1)
-    simulation.agents[Position.xyz][:, 2] += 30.0
-    simulation.world.resource(Landscape).relief[..., 0] += 30.0
-    assert np.degrees(painter_of(simulation, SIZE, view="space").camera.elevation) == pytest.approx(30.0)
 
 
 def test_a_frame_is_the_same_every_time_and_leaves_the_herd_alone():
