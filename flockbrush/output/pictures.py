@@ -52,7 +52,7 @@ def herd_of(simulation, moment: Moment):
 def above_ground(simulation, xyz, length) -> np.ndarray:
     """(n,) heights over the ground, m; 0 within half a body length of it, as between two ticks on hills."""
     land = simulation.world.resource(Landscape)
-    above = xyz[:, 2] - heights_of_ground(land.relief, land.relief_cell, np.ascontiguousarray(xyz))
+    above = xyz[:, 2] - heights_of_ground(land.heights, np.ascontiguousarray(xyz))
     return np.where(above < 0.5 * length, 0.0, above)
 
 
