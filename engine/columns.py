@@ -37,6 +37,9 @@ class Field:
     def __repr__(self):
         return f"{self.owner.__name__}.{self.name}"
 
+    def __reduce__(self):
+        return getattr, (self.owner, self.name)  # a copy is the field itself: columns are found by it
+
     def __get__(self, component, owner=None) -> Any:
         if component is None:
             return self

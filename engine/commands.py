@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import heapq
-import itertools
 import json
 import math
 import types
@@ -218,7 +217,7 @@ class Commands:
     hashed = False  # a replay knows from the start what a designer submitted in the middle of the run
 
     def __init__(self):
-        self._order = itertools.count()
+        self._order = 0  # of the next to be pushed: of one tick, the first comes first
         self._pending: list[tuple[int, int, object, int]] = []
         self.log: list[tuple[int, object]] = []  # (tick, command), as applied
         self.lived: float = -1  # until this tick what the script does comes from a log
@@ -256,7 +255,8 @@ class Commands:
             self._push(tick, _as_replayed(cmd), key)
 
     def _push(self, tick, cmd, key=0):
-        heapq.heappush(self._pending, (int(tick), next(self._order), cmd, key))
+        heapq.heappush(self._pending, (int(tick), self._order, cmd, key))
+        self._order += 1
 
     @property
     def waiting(self):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import threading
 import weakref
@@ -60,11 +61,15 @@ class World:
     """
 
     def __init__(self, kinds=(), capacity=256):
-        self.name = f"world-{next(_numbers)}"
         self.agents = Table(kinds, capacity)
         self._resources: dict[type, object] = {}
         self._dying: set[int] = set()
         self._counter = Counter()
+        self._open()
+
+    def _open(self):
+        """Get an esper context of its own, with nobody in it."""
+        self.name = f"world-{next(_numbers)}"
         self._agent_set: set[int] = set()  # esper asks which entities have a kind: the same ones for every column
         with _context:
             self._enter()
@@ -83,6 +88,38 @@ class World:
             if esper.current_world == self.name:
                 esper.switch_world("default")
             _forget(self.name)
+
+    # copies -----------------------------------------------------------------
+
+    @in_its_context
+    def __getstate__(self):
+        """What a copy or a pickle of it needs: all but esper's context."""
+        kinds = set(self.agents.kinds)
+        plain = {e: [own[kind] for kind in own if kind not in kinds] for e, own in esper._entities.items()}
+        return {
+            "agents": self.agents, "_resources": self._resources, "_dying": self._dying, "_counter": self._counter,
+            "plain": {e: own for e, own in plain.items() if own or e not in self._agent_set},
+        }  # fmt: skip
+
+    def __setstate__(self, state):
+        plain = state.pop("plain")
+        self.__dict__.update(state)
+        self._open()
+        self._fill(plain)
+
+    @in_its_context
+    def _fill(self, plain):
+        """Have the agents of the columns and these plain components, {entity: [component, ...]}."""
+        for entity, own in plain.items():
+            esper._entities[entity] = {}
+            for component in own:
+                esper.add_component(entity, component)
+        self._register(self.agents.ids.tolist())
+        for entity in self._dying:
+            esper.delete_entity(entity)
+
+    def __copy__(self):
+        return copy.deepcopy(self)  # rows and resources belong to one world
 
     # entities ---------------------------------------------------------------
 

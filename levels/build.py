@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import math
 from collections.abc import Sequence
@@ -80,6 +81,9 @@ class Simulation:
     def __repr__(self):
         clock = self.clock
         return f"<Simulation {self.level.name}: {len(self.agents)} animals, tick {clock.tick} ({clock.now:g} s)>"
+
+    def __copy__(self):
+        return copy.deepcopy(self)  # one that goes on by itself
 
     @property
     def clock(self) -> Clock:

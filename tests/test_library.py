@@ -1,6 +1,8 @@
 """What somebody meets who types in a notebook: lazy names, models defined again, objects that say what they are."""
 
 import ast
+import copy
+import pickle
 import sys
 import types
 from pathlib import Path
@@ -11,6 +13,7 @@ from flockbrush.behaviours import behaviour as registry
 from flockbrush.components import BrushBinding, Heading, Position
 from flockbrush.engine.locks import Advice
 from flockbrush.engine.state import state_hash
+from flockbrush.systems.commands import RemoveAnimals
 from flockbrush.systems.palette import Palette
 
 import flockbrush
@@ -92,6 +95,26 @@ def test_type_checkers_see_every_name_that_is_loaded_later():
     assert seen == flockbrush._HOMES
     assert sorted(flockbrush.__all__) == sorted([*seen, "__version__"])
     assert all(getattr(flockbrush, name) for name in flockbrush.__all__)
+
+
+@pytest.mark.parametrize("level", ["meadow", "city", "lake", "sheep-pasture"])
+def test_copies_of_a_simulation_continue_bit_for_bit_and_by_themselves(level):
+    first = flockbrush.start(level, seed=3, agents=24)  # with paint, births, programs, flight and species that fear
+    first.run(8)
+    first.submit(RemoveAnimals(0, 0, 0), tick=14)
+    now = state_hash(first.world)
+    copies = [copy.deepcopy(first), pickle.loads(pickle.dumps(first)), copy.copy(first)]
+    assert {state_hash(one.world) for one in copies} == {now}
+    for one in copies:
+        one.run(4)
+    assert state_hash(first.world) == now != state_hash(copies[0].world)
+    first.run(4)
+    assert {state_hash(one.world) for one in copies} == {state_hash(first.world)}
+    alive = len(first.agents)
+    first.close()
+    copies[0].run(4)
+    assert (len(copies[0].agents), len(copies[1].agents)) == (0, alive)
+    assert copies[0].agents[Position.xyz].shape == (0, 3)
 
 
 def test_a_levels_brushes_are_overridden_and_recordings_know_it(tmp_path):

@@ -1,6 +1,8 @@
 """Worlds: animals as rows and as windows on rows, through births and deaths."""
 
+import copy
 import gc
+import pickle
 import sys
 import threading
 import time
@@ -263,3 +265,21 @@ def test_a_hundred_thousand_animals_are_light():
     assert seconds < 15  # a tenth of a second without tracing; a loop over all components takes minutes
     assert world.component_for_entity(int(world.agents.ids[77_777]), Position).xyz.tolist() == [0, 0, 0]
     world.close()
+
+
+def test_a_copy_of_a_world_has_its_entities_and_lives_by_itself(world):
+    ids, hole, marked = five(world), world.create_entity(Waterhole(3.0)), world.create_entity(Bell("c"))
+    belled = world.create_entity(Position(xyz=(1, 2, 3)), Bell("a"))
+    world.delete_entity(ids[1])
+    world.delete_entity(marked)
+    for other in (copy.deepcopy(world), pickle.loads(pickle.dumps(world)), copy.copy(world)):
+        assert other.name != world.name and not other.entity_exists(ids[1]) and other.next_entity == world.next_entity
+        other.flush()
+        assert other.agents.ids.tolist() == [*ids[:1], *ids[2:], belled] and other.plain_entities() == [hole]
+        other.component_for_entity(hole, Waterhole).litres = 1.0
+        other.component_for_entity(belled, Position).xyz[0] = 9
+        assert (other.agents[Position.xyz][-1, 0], other.component_for_entity(belled, Bell).tone) == (9, "a")
+        assert [entity for entity, _ in other.get_component(Bell)] == [belled]
+        other.close()
+    assert world.component_for_entity(hole, Waterhole).litres == 3.0
+    assert (len(world.agents), world.agents[Position.xyz][-1, 0]) == (6, 1)
