@@ -117,6 +117,21 @@ def test_copies_of_a_simulation_continue_bit_for_bit_and_by_themselves(level):
     assert copies[0].agents[Position.xyz].shape == (0, 3)
 
 
+def test_a_rebuilt_recording_applies_the_recorded_commands(tmp_path):
+    herd = flockbrush.start("meadow", seed=7, agents=12)
+    herd.submit(RemoveAnimals(0, 0, 0), tick=3)
+    with flockbrush.record(tmp_path / "gone.flock", herd) as recorder:
+        for _ in range(6):
+            herd.tick()
+            recorder.take()
+    run = flockbrush.open_recording(tmp_path / "gone.flock")
+    again = flockbrush.rebuild(run)
+    again.run(3)
+    assert len(again.agents) == 12
+    again.run(3)
+    assert len(again.agents) == 0 and state_hash(again.world) == run.hashes[6]
+
+
 def test_a_levels_brushes_are_overridden_and_recordings_know_it(tmp_path):
     swarm = flockbrush.start("meadow", seed=3, agents=12, brush="swarm")
     names = [brush.name for brush in swarm.world.resource(Palette).brushes]

@@ -10,7 +10,6 @@ import numpy as np
 
 from flockbrush.cli.level_commands import opened, stepping, warn_if_unlike
 from flockbrush.engine.files import refused, sha256_of
-from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
 from flockbrush.runs.edit_file import EditFile, edits_of, ids_of, ids_text, sentence_of
@@ -261,7 +260,6 @@ def _edited_moments(edits, run, simulation, stack, interrupts) -> EditedMoments:
         past = Past(late, simulation.world.resource(Landscape).wrap)
         stack.callback(past.close)
         other = running.rebuild(run)
-        resume(run, other.world)
         with stepping("edits", other, run.last_tick, interrupts) as stepped:
             past.watch(other, run.last_tick, stepped)
     return EditedMoments(simulation, edits, past)

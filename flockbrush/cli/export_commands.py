@@ -8,7 +8,6 @@ from pathlib import Path
 from flockbrush.cli.edit_commands import applied, told_of
 from flockbrush.cli.level_commands import opened, stepping, use_threads, warn_if_unlike
 from flockbrush.engine.files import refused
-from flockbrush.engine.recording import resume
 from flockbrush.lifting.flight_show import Show
 from flockbrush.lifting.ground_show import is_flight
 from flockbrush.output.export import Exports, check_exports
@@ -44,7 +43,6 @@ def export_recording(path, outputs, fps, thread_count, options, json, edited=Tru
         stack.enter_context(compiling_ahead(path))
         file = edits_of(path) if edited else None
         simulation = running.rebuild(run)
-        resume(run, simulation.world)
         edits = applied(file, run, simulation, stack, interrupts)
         source = running.source_of(path) | (told_of(file) if edits else {})
         exports = stack.enter_context(Exports(outputs, simulation, fps, edits, **options, source=source))

@@ -9,7 +9,6 @@ import numpy as np
 
 from flockbrush.cli.level_commands import check_plot, meaning_of, opened, stepping, use_threads, warn_if_unlike
 from flockbrush.engine.parallel import threads
-from flockbrush.engine.recording import resume
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
 from flockbrush.runs.compile_ahead import compiling_ahead
@@ -25,7 +24,7 @@ def series_of(run, simulation, every, step=lambda: None):
     ----------
     run : RecordedRun
     simulation : Simulation
-        After `flockbrush.engine.recording.resume`.
+        As `flockbrush.runs.run.rebuild` gives it.
     every : float
         Seconds between two moments; the last tick is measured too.
     step : callable
@@ -70,7 +69,6 @@ def measure_recording(path, plot, every, thread_count, json):
     use_threads(thread_count)
     with terminal.Interrupts() as interrupts, compiling_ahead(path):
         simulation = running.rebuild(run)
-        resume(run, simulation.world)
         with stepping(Path(path).name, simulation, run.last_tick, interrupts) as step:
             series = series_of(run, simulation, every, step)
         warn_if_unlike(run, simulation)

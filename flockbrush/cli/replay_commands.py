@@ -9,7 +9,7 @@ import typer
 from flockbrush.cli.level_commands import differing, measures_table, opened, stepping, use_threads, warn_if_unlike
 from flockbrush.cli.show_desync import show_build, show_desync
 from flockbrush.engine.parallel import threads
-from flockbrush.engine.recording import RecordingError, first_difference, resume, state_hash
+from flockbrush.engine.recording import RecordingError, first_difference, state_hash
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
 from flockbrush.runs.compile_ahead import compiling_ahead
@@ -78,7 +78,6 @@ def _report(run, simulation):
 def _compare(run, simulation, watch, end, stepped):
     if not run.hashes:
         raise RecordingError(f"{run.path}: the recording has no state sums to compare with")
-    resume(run, simulation.world)
     return first_difference(run, simulation.world, watch.tick, end, stepped)
 
 

@@ -11,7 +11,7 @@ import tempfile
 import warnings
 from pathlib import Path
 
-from flockbrush.engine.recording import RecordedRun, resume
+from flockbrush.engine.recording import RecordedRun
 from flockbrush.levels.build import Simulation
 from flockbrush.output.export import exported
 from flockbrush.runs.run import rebuild, source_of, unlike_recorded
@@ -29,7 +29,6 @@ def simulation_html(simulation) -> str:
 def recording_html(run) -> str:
     """A frame with the page of a recording; a picture of its end and how to write the page where that is too large."""
     simulation = rebuild(run)
-    resume(run, simulation.world)
     seconds = run.last_tick * simulation.clock.dt
     small = len(simulation.agents) * seconds * FPS <= MOST
     name = "run.html" if small else "run.png"

@@ -68,12 +68,10 @@ def _needs(*packages):
 
 
 def _export(run, path, fps):
-    from flockbrush.engine.recording import resume
     from flockbrush.output.export import exported
     from flockbrush.runs.run import rebuild, unlike_recorded
 
     simulation = rebuild(run)
-    resume(run, simulation.world)
     exported(simulation, path, fps, run.last_tick)
     if unlike := unlike_recorded(run, simulation):
         warnings.warn(unlike, stacklevel=3)

@@ -236,7 +236,7 @@ def beginning_of(simulation):
 def rebuild(run: RecordedRun) -> Simulation:
     """Rebuild the simulation of a recording before its first tick, from the files that the recording embeds.
 
-    Call `flockbrush.engine.recording.resume` next: it replaces the level's script by the commands as they were applied.
+    Its ticks give the recorded states again: the recorded commands are applied when they were.
 
     Raises
     ------
@@ -244,6 +244,16 @@ def rebuild(run: RecordedRun) -> Simulation:
         When the files embedded are no level, or the recording is of something else.
     ProblemsError
         With everything that is wrong with the embedded files.
+    """
+    simulation = begin_again(run)
+    resume(run, simulation.world)
+    return simulation
+
+
+def begin_again(run: RecordedRun) -> Simulation:
+    """The simulation of a recording before its first tick, to which only its level's script will happen.
+
+    Raises what `rebuild` does.
     """
     level, library = embedded_level(run)
     seed, agents = run.header["seed"], run.header.get("agents")

@@ -174,7 +174,7 @@ def open_recorded(path, state_folder=None) -> Session:
         When there is no place for its level.
     """
     run = open_recording(path)
-    simulation = running.rebuild(run)
+    simulation = running.begin_again(run)
     unlike = running.unlike_recorded(run, simulation)
     recovery = None
     try:

@@ -14,7 +14,7 @@ import numpy as np
 from flockbrush.behaviours.tomlfile import read_bytes
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.engine.recording import open_recording, resume
+from flockbrush.engine.recording import open_recording
 from flockbrush.runs import run as running
 from flockbrush.runs.edit_file import FIRST, EditFile, edits_of, parse_edits, sentence_of
 from flockbrush.runs.recording_selection import Selection, chosen
@@ -250,7 +250,6 @@ class PassBeside:
                 raise _Ended
 
         try:
-            resume(run, simulation.world)
             past.watch(simulation, run.last_tick, stepped)
         except BaseException:
             past.close()

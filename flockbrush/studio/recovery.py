@@ -296,7 +296,7 @@ def _branch_of(name, files, known):
     if beginning is None:
         level, library = running.embedded_level(run)
         beginning = Beginning(level, library, run.header["seed"], run.header.get("agents"))
-    simulation = running.rebuild(run)
+    simulation = running.begin_again(run)
     try:
         branch = Branch.begun(name, beginning, simulation)
         branch.take_over(run, simulation.world, KEYFRAME_BYTES // 2)

@@ -269,7 +269,7 @@ def test_a_recording_of_many_animals_has_as_many_moments_as_one_made_without_a_w
     timeline = new_timeline(level, monkeypatch, folder=tmp_path)
     timeline.perform([AddAnimals("march", 4, 4, 2, 9, "sheep")])
     lived(timeline, 40)
-    simulation = running.rebuild(open_recording(timeline.current.recorder.path))
+    simulation = running.begin_again(open_recording(timeline.current.recorder.path))
     recorder = running.record(tmp_path / "headless.flock", simulation)
     simulation.submit(AddAnimals("march", 4, 4, 2, 9, "sheep"))
     for _ in range(40):
