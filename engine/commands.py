@@ -52,8 +52,16 @@ def command(cls):
     Both ``touches`` and ``apply`` begin with the check.
     Its fields must be numbers, strings, booleans, None, or lists and dicts of those, so that a
     recording can hold them as JSON.
+
+    Raises
+    ------
+    TypeError
+        When it lacks a field that its base class names in ``needs_fields``, such as ``"x or at_x: float"``.
+    ValueError
+        When another module has a command of this name.
     """
     cls = dataclass(frozen=True)(cls)
+    _check_needs(cls)
     known = COMMANDS.get(cls.__name__)
     if known is not None and known.__module__ != cls.__module__:
         raise ValueError(f"command {cls.__name__} is already registered by {known.__module__}")
@@ -62,6 +70,15 @@ def command(cls):
             setattr(cls, name, _checked(getattr(cls, name)))
     COMMANDS[cls.__name__] = cls
     return cls
+
+
+def _check_needs(cls):
+    """TypeError when a command lacks what its base class uses."""
+    has, needs = {*dir(cls), *(field.name for field in fields(cls))}, getattr(cls, "needs_fields", ())
+    missing = [how for how in needs if has.isdisjoint(how.split(":")[0].split(" or "))]
+    if missing:
+        base = next(base for base in cls.__mro__ if "needs_fields" in vars(base)).__name__
+        raise TypeError(f"command {cls.__name__} lacks {', '.join(missing)}; {base} needs {', '.join(needs)}")
 
 
 @functools.cache

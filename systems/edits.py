@@ -44,6 +44,8 @@ __all__ = [
 class OfThing:
     """A command for the thing of this ``kind`` with its id."""
 
+    needs_fields = "kind: str", "id: int"
+
     def touches(self, world):
         return [TouchedThings(self.kind)]
 

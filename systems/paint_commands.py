@@ -129,6 +129,8 @@ class TouchedCells(NamedTuple):
 class OnCells:
     """A command that paints cells of a layer."""
 
+    needs_fields = tuple[str, ...](["layer: str"])
+
     def where(self, world):
         """(iy, ix, ...) of the cells."""
         raise NotImplementedError
@@ -169,6 +171,8 @@ class PaintCells(OnCells):
 
 class OnDisc(OnCells):
     """A command that paints the cells of a circle."""
+
+    needs_fields = "layer: str", "x: float", "y: float", "radius: float"
 
     def check(self, world):
         check_circle(self)

@@ -21,6 +21,8 @@ def check_circle(command):
 class OfAnimals(OfThese):
     """A command to animals of a species ("" for all) in a circle (radius 0: everywhere), at (at_x, at_y) or (x, y)."""
 
+    needs_fields = "species: str", "x or at_x: float", "y or at_y: float", "radius: float"
+
     def check(self, world):
         check_circle(self)
         check_species(world, self.species)

@@ -234,6 +234,7 @@ class OfThese:
     """A command to exactly these animals that changes the columns in ``changes``."""
 
     changes = tuple[Any, ...]()  # fields of components
+    needs_fields = tuple[str, ...](["entities: list"])
 
     def rows(self, world):
         """(k,) rows of the given animals that are alive."""

@@ -28,10 +28,21 @@ from flockbrush.systems.commands import (
     SetParameter,
     SwitchBrush,
 )
-from flockbrush.systems.edits import KINDS, DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, UseBrush
+from flockbrush.systems.edits import (
+    KINDS,
+    DrawGuide,
+    MarkSpawn,
+    OfThing,
+    Paint,
+    PlaceExit,
+    PlaceGoal,
+    RemoveThing,
+    UseBrush,
+)
 from flockbrush.systems.gusts import Gust
 from flockbrush.systems.leaders import Appoint
 from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
+from flockbrush.systems.paint_commands import OnDisc
 from flockbrush.systems.selection import OfAnimals
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -129,6 +140,25 @@ def test_a_command_of_a_user_is_taken_back_whatever_columns_it_changes(monkeypat
     (damaged,) = back
     with pytest.raises(CommandError, match="Position.xyz cannot be put back; available"):
         world.resource(Commands).perform(world, [replace(damaged, columns={"Position.xyz": "?"})])
+
+
+@pytest.mark.parametrize(
+    ("base", "words"),
+    [
+        (OfAnimals, "lacks x or at_x: float, y or at_y: float, radius: float; OfAnimals needs species: str, x or"),
+        (OnDisc, "lacks layer: str, x: float, y: float, radius: float; OnDisc needs"),
+        (OfThing, "lacks kind: str, id: int; OfThing needs"),
+    ],
+)
+def test_a_command_that_lacks_what_its_base_class_uses_is_refused_where_it_is_defined(base, words):
+    with pytest.raises(TypeError, match=f"command Shout {words}"):
+
+        @commands_module.command
+        class Shout(base):
+            dx: float
+            species: str = ""
+
+    assert "Shout" not in COMMANDS
 
 
 def test_an_edit_of_several_commands_is_done_whole_or_not_at_all():
