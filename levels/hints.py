@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import shlex
 
 import numpy as np
 from flockbrush.behaviours.brush import SUFFIX, flies_free
@@ -75,6 +76,10 @@ def mixing_hints(level, places, library):
                     here.warn(hint)
 
 
+def _morph(start, end):
+    return shlex.join(["flockbrush", "brush", "morph", start, end])
+
+
 def _mixing_hint(library, start, end):
     if not can_mix(library.get(start), library.get(end)):
         return f"brushes {start!r} and {end!r} have different models, so a share of the animals takes {end!r}"
@@ -85,12 +90,12 @@ def _mixing_hint(library, start, end):
     if path is None:
         return (
             f"there is no measured path from {start!r} to {end!r}: parameters are mixed linearly, and behaviour may "
-            f"jump; flockbrush brush morph {start} {end} measures a path"
+            f"jump; {_morph(start, end)} measures a path"
         )
     if other := _replaced(library, start, end):
         return (
             f"the path from {start!r} to {end!r} was measured with another brush {' and '.join(map(repr, other))}, "
-            f"so behaviour may jump; flockbrush brush morph {start} {end} measures it anew"
+            f"so behaviour may jump; {_morph(start, end)} measures it anew"
         )
     return ""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -48,7 +49,8 @@ def edit_recording(job: EditJob):
         return
     if sentence is not None:
         print_line(sentence)
-        print_line(f"wrote {file.path}; flockbrush export {job.recording} applies it. The recording is not changed")
+        export = shlex.join(["flockbrush", "export", str(job.recording)])
+        print_line(f"wrote {file.path}; {export} applies it. The recording is not changed")
         return
     _show(file)
 

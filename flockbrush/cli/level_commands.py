@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import shutil
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -204,8 +205,13 @@ def _show_run(report):
         lines.append(f"{report['ticks']:,} ticks simulated twice: identical, bit for bit")
     lines += [f"wrote {path}" for path in report["exports"]]
     if report["recording"]:
-        lines.append(f"wrote {report['recording']}; verify it: flockbrush replay {report['recording']} --verify")
+        lines.append(wrote_recording(report["recording"]))
     print_line("\n".join(lines))
+
+
+def wrote_recording(path):
+    """The line about a recording that was written, with the command that verifies it."""
+    return f"wrote {path}; verify it: {shlex.join(['flockbrush', 'replay', str(path), '--verify'])}"
 
 
 def meaning_of(name: str, unit: str = "m") -> str:
@@ -459,9 +465,8 @@ def _check_brush(name):
     brush = find_brush(name)
     print_line(f"{name}: ok: {brush.title or brush.name}, model {brush.model}")
     if brush.has_own_body and not brush.made_for and Path(name).suffix:
-        print_line(
-            f"{name}: note: the brush has its own [body]; `flockbrush brush convert {name}` moves it to a species"
-        )
+        convert = shlex.join(["flockbrush", "brush", "convert", name])
+        print_line(f"{name}: note: the brush has its own [body]; `{convert}` moves it to a species")
 
 
 def preview_brush(name, output, agents, seconds, seed, start, theme, palette):

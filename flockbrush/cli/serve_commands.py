@@ -8,7 +8,7 @@ import warnings
 
 import typer
 
-from flockbrush.cli.level_commands import recorder_of, use_threads
+from flockbrush.cli.level_commands import recorder_of, use_threads, wrote_recording
 from flockbrush.cli.run_options import ServeOptions
 from flockbrush.engine import limits
 from flockbrush.engine.files import output_problems
@@ -45,7 +45,7 @@ def serve_level(service: ServeOptions):
     say(f"stopped after tick {simulation.clock.tick}")
     if service.record:
         tell = say if service.json else print_line
-        tell(f"wrote {service.record}; verify it: flockbrush replay {service.record} --verify")
+        tell(wrote_recording(service.record))
 
 
 def _announce(service, link):

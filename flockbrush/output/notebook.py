@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import html
+import shlex
 import tempfile
 import warnings
 from pathlib import Path
@@ -38,11 +39,11 @@ def recording_html(run) -> str:
     if small:
         return _frame(data)
     picture = base64.b64encode(data).decode()
-    path = html.escape(str(run.path))
+    command = html.escape(shlex.join(["flockbrush", "export", str(run.path), "--to", "run.html"]))
     return (
         f'<img style="max-width:100%" alt="the last frame" src="data:image/png;base64,{picture}">'
         f"<p>{len(simulation.agents):,} animals, {seconds:g} s: too large to show here. "
-        f"<code>flockbrush export {path} --to run.html</code> writes it as a page.</p>"
+        f"<code>{command}</code> writes it as a page.</p>"
     )
 
 
