@@ -225,8 +225,10 @@ def _brush_of(name, brushes):
     _, brush, *field = name.split(".")
     if brush not in brushes:
         raise Mistakes([(name, f"the level does not use a brush '{brush}'{did_you_mean(brush, brushes)}")])
+    if field[:1] == ["drives"]:
+        raise Mistakes([(name, "numbers of drives cannot be varied, only those of the model, speed, body and vision")])
     if not field or len(field) > 2:
-        raise Mistakes([(name, "must be brush.NAME.PARAMETER, or brush.NAME.speed.mean")])
+        raise Mistakes([(name, "what is varied is called brush.NAME.PARAMETER, or brush.NAME.speed.mean")])
     return brush, field
 
 

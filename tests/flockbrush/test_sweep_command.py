@@ -192,6 +192,21 @@ def test_mistakes_about_levels_are_told_with_their_line(tmp_path, old, new, said
     assert f"f.sweep.toml:{said}" in str(found.value)
 
 
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("drives.homing.speed", "numbers of drives cannot be varied, only those of the model, speed, body and vision"),
+        ("drives", "numbers of drives cannot be varied, only those of the model, speed, body and vision"),
+        ("speed.mean.more", "what is varied is called brush.NAME.PARAMETER, or brush.NAME.speed.mean"),
+    ],
+)
+def test_a_number_of_a_brush_that_cannot_be_varied_is_told_once(tmp_path, key, said):
+    pen(tmp_path)
+    with pytest.raises(ProblemsError) as found:
+        parse_sweep(LEVEL.replace("march.sensitivity", f"march.{key}", 1).encode(), "f.sweep.toml", tmp_path)
+    assert str(found.value) == f"f.sweep.toml:8: grid.brush.march.{key}: {said}"
+
+
 PLANE = """
 schema = "flockbrush.sweep/1"
 measures = ["polarization"]
