@@ -8,6 +8,7 @@ import posixpath
 import sys
 import time
 import warnings
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
@@ -259,7 +260,8 @@ def begin_again(run: RecordedRun) -> Simulation:
     seed, agents = run.header["seed"], run.header.get("agents")
     if agents is not None and not isinstance(agents, int):
         raise RecordingError(f"{run.path}: the number of animals in the header must be a whole number, got {agents!r}")
-    simulation = begin(level, library, seed, agents)
+    with _named(run):
+        simulation = begin(level, library, seed, agents)
     if run.header["dt"] != simulation.clock.dt:
         raise RecordingError(
             f"{run.path}: recorded with a tick of {run.header['dt']} s; this version uses {simulation.clock.dt} s"
@@ -309,9 +311,16 @@ def source_of(path) -> dict[str, str]:
 def embedded_level(run: RecordedRun):
     """(level, library of brushes) from the files of a recording; RecordingError, and ProblemsError that names it."""
     files = embedded(run)
-    try:
+    with _named(run):
         library = recorded_library(files)
         return read_level_files(files, library), library
+
+
+@contextmanager
+def _named(run):
+    """What is wrong with the files of a recording is told with its name."""
+    try:
+        yield
     except ProblemsError as error:
         raise ProblemsError(replace(one, file=f"{run.path}: {one.file}") for one in error.problems) from None
 

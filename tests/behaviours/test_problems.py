@@ -19,6 +19,11 @@ def test_all_problems_are_told_at_once_one_a_line():
     assert str(error).splitlines() == ["a:1: x", "a:2: k: y"]
 
 
+def test_what_several_objects_name_is_told_once():
+    error = ProblemsError([Problem("a", 1, None, "x"), Problem("a", 2, None, "x"), Problem("a", 1, None, "x")])
+    assert str(error).splitlines() == ["a:1: x", "a:2: x"]
+
+
 def test_a_file_full_of_mistakes_does_not_fill_the_screen():
     error = ProblemsError([Problem("a", i, None, "x") for i in range(SHOWN + 7)])
     assert len(error.problems) == SHOWN + 7

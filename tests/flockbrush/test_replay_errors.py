@@ -39,3 +39,12 @@ def test_a_mistake_in_an_embedded_level_names_the_recording(cli, recording, tmp_
     done = cli("replay", path)
     assert done.code == 1
     assert f"{path}: {name.rsplit('/', 1)[-1]}:" in done.err
+
+
+def test_a_mistake_in_an_embedded_brush_names_the_recording_and_is_told_once(cli, recording, tmp_path):
+    run = open_recording(recording)
+    name = next(name for name in run.assets if name.endswith("march.brush.toml"))
+    path = copied(recording, tmp_path / "a.flock", assets={name: run.assets[name].replace(b'"herd"', b'"compass"')})
+    done = cli("replay", path)
+    (line,) = [line for line in done.err.splitlines() if "compass" in line]
+    assert done.code == 1 and line.startswith(f"{path}: march.brush.toml:")
