@@ -28,6 +28,18 @@ def load_entry_points(group: str) -> list[Any]:
     return [_loaded(point) for point in sorted(entry_points(group=group), key=lambda point: point.name)]
 
 
+def package_problems() -> list[Problem]:
+    """What is wrong with any entry point that an installed package offers to Flockbrush."""
+    problems = []
+    for group in sorted(name for name in entry_points().groups if name.startswith("flockbrush.")):
+        for point in entry_points(group=group):
+            try:
+                _loaded(point)
+            except ProblemsError as error:
+                problems += error.problems
+    return problems
+
+
 def _loaded(point):
     try:
         return point.load()

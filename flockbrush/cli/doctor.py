@@ -182,17 +182,21 @@ def _first_line(command):
 
 def _shipped():
     from flockbrush.behaviours.brush import shipped
+    from flockbrush.engine.plugins import package_problems
     from flockbrush.engine.problems import ProblemsError
     from flockbrush.levels.reader import read_level
     from flockbrush.runs.run import SHIPPED, shipped_levels
 
-    problems = [str(problem) for problem in shipped().problems()]
+    problems = shipped().problems()
     for name in shipped_levels():
         try:
             read_level(SHIPPED / f"{name}.tmj")
         except ProblemsError as error:
-            problems += str(error).split("\n")
-    yield from ((BAD, "shipped files", problem) for problem in problems)
+            problems += error.problems
+    broken = package_problems()
+    yield from ((BAD, "packages", str(problem)) for problem in broken)
+    others = [problem for problem in problems if problem.file not in {one.file for one in broken}]
+    yield from ((BAD, "shipped files", str(problem)) for problem in dict.fromkeys(others))
     if not problems:
         yield OK, "shipped files", f"{len(shipped_levels())} levels and {len(shipped().names())} brushes"
 

@@ -3,12 +3,14 @@
 import json
 import math
 import re
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
+from flockbrush.engine import commands, plugins
 from flockbrush.engine.recording import open_recording, resume
 from pens import pen
 
@@ -253,6 +255,16 @@ def test_the_doctor_names_what_is_missing(cli, monkeypatch):
     assert "problem  av" in done.out
     assert "warn  pyarrow" in done.out
     assert "warn  tiled" in done.out
+
+
+def test_the_doctor_tells_a_broken_package_once_and_by_its_name(cli, monkeypatch):
+    broken = EntryPoints([EntryPoint("cmd", "no_such_module", "flockbrush.commands")])
+    monkeypatch.setattr(plugins, "entry_points", lambda **given: broken.select(**given) if given else broken)
+    monkeypatch.setattr(commands, "_load_commands_of_others", lambda: plugins.load_entry_points("flockbrush.commands"))
+    findings = json.loads(cli("doctor", "--json").out)
+    (broken,) = [f for f in findings if f["state"] == "problem"]
+    assert broken["what"] == "packages"
+    assert broken["found"].startswith("an installed package: entry point cmd = no_such_module in group flockbrush.comm")
 
 
 @pytest.mark.parametrize(("version", "state"), [("1.8.2", "warn"), ("1.10.0", "ok"), ("1.11.2", "ok"), ("2", "ok")])
