@@ -156,6 +156,21 @@ def test_a_level_whose_script_commands_programs_takes_another_brush(level, brush
     assert herd.states() == {}
 
 
+def test_a_brush_that_is_in_no_file_moves_a_level_and_its_recording(tmp_path):
+    keen = flockbrush.shipped().get("march").with_parameters(sensitivity=9.0)
+    herd = flockbrush.start("meadow", seed=3, agents=12, brush=keen)
+    assert herd.world.resource(Palette).brushes[herd.agents[BrushBinding.home][0]].parameters == keen.parameters
+    with flockbrush.record(tmp_path / "keen.flock", herd) as recorder:
+        herd.tick()
+        recorder.take()
+    again = flockbrush.rebuild(flockbrush.open_recording(tmp_path / "keen.flock"))
+    again.tick()
+    assert again.world.resource(Palette).brushes[again.agents[BrushBinding.home][0]].parameters == keen.parameters
+    assert state_hash(again.world) == state_hash(herd.world)
+    with pytest.raises(TypeError, match="brush must be a Brush, the name of one or a .brush.toml file, got 5"):
+        flockbrush.start("meadow", brush=5)
+
+
 def test_a_file_and_a_wrong_name_as_the_brush_of_a_level(tmp_path):
     (tmp_path / "mine.brush.toml").write_bytes(flockbrush.shipped().get("march").source)
     mine = flockbrush.start("crowded", seed=1, agents=4, brush=tmp_path / "mine.brush.toml")

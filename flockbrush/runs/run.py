@@ -16,7 +16,7 @@ import numpy as np
 
 import flockbrush
 from flockbrush import levels
-from flockbrush.behaviours.brush import SUFFIX, load_brush
+from flockbrush.behaviours.brush import SUFFIX, Brush, load_brush
 from flockbrush.engine import limits
 from flockbrush.engine.commands import Commands
 from flockbrush.engine.files import output_problems, refused, sha256_of
@@ -80,8 +80,9 @@ def open_level(name):
 
 
 def start(
-    name: str | os.PathLike, seed: int | None = None, agents: int | None = None, brush: str | os.PathLike | None = None
-) -> Simulation:
+    name: str | os.PathLike, seed: int | None = None, agents: int | None = None,
+    brush: Brush | str | os.PathLike | None = None,
+) -> Simulation:  # fmt: skip
     """Build the simulation of a level, ready for its first tick.
 
     Parameters
@@ -92,8 +93,8 @@ def start(
         Instead of the level's own.
     agents : int, optional
         So many animals in all, at the level's density.
-    brush : str or path, optional
-        What all animals of the level's spawns are given instead of their own: a name, or a .brush.toml file.
+    brush : Brush, str or path, optional
+        What all animals of the level's spawns are given instead of their own: a brush, a name, or a .brush.toml file.
 
     Raises
     ------
@@ -112,8 +113,7 @@ def _with_brush(level, library, brush):
 
     A recording embeds the file.
     """
-    path = Path(brush)
-    asset = load_brush(path) if path.name.endswith(SUFFIX) else library.get(str(brush))
+    asset = _brush_given(brush, library)
     left = sorted({spawn.program for spawn in level.spawns if spawn.program})
     if left:
         message = f"{level.name}: all animals have the brush {asset.name}, without programs: {', '.join(left)} left out"
@@ -134,6 +134,16 @@ def _with_brush(level, library, brush):
     files[f"brushes/{asset.name}{SUFFIX}"] = asset.source
     library = recorded_library(files)
     return read_level_files(files, library), library
+
+
+def _brush_given(brush, library):
+    """The brush that is meant; TypeError where it is none, ProblemsError where there is none."""
+    if isinstance(brush, Brush):
+        return brush
+    if not isinstance(brush, str | os.PathLike):
+        raise TypeError(f"brush must be a Brush, the name of one or a {SUFFIX} file, got {brush!r}")
+    path = Path(brush)
+    return load_brush(path) if path.name.endswith(SUFFIX) else library.get(str(brush))
 
 
 def _is_key_of_programs(thing):
