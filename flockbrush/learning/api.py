@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 from collections.abc import Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +24,8 @@ from flockbrush.learning.result import Findings
 from flockbrush.learning.which_model import ModelComparison
 from flockbrush.runs.terminal import Stopped
 
-ARGUMENTS = {  # of options in messages
-    "--unit m, px or bl": 'unit="m", "px" or "bl"', "--unit": "unit", "--fps": "fps", "--frames": "frames",
-    "--body-length-px": "body_length", "--body-length-m": "body_length", "--arena": "arena", "--model": "model",
-}  # fmt: skip
+OPTION = re.compile(r"(?<![\w-])--([a-z][a-z-]*)(?: (\w+):(\w+))?")
+ARGUMENTS = {"body-length-px": "body_length", "body-length-m": "body_length"}  # of options with another name
 Tracks = str | os.PathLike | np.ndarray
 
 
@@ -173,13 +173,32 @@ def _words_of_python(folder):
     except Stopped:
         raise KeyboardInterrupt from None
     except ProblemsError as error:
-        told = []
-        for problem in error.problems:
-            message = problem.message
-            for option, argument in ARGUMENTS.items():
-                message = message.replace(option, argument)
-            told.append(replace(problem, file=problem.file.removeprefix(folder + os.sep), message=message))
-        raise ProblemsError(told) from None
+        raise ProblemsError(
+            replace(
+                problem,
+                file=_in_python(problem.file)
+                if problem.file.startswith("--")
+                else problem.file.removeprefix(folder + os.sep),
+                message=_in_python(problem.message),
+            )
+            for problem in error.problems
+        ) from None
+
+
+def _in_python(text):
+    """A text about options of the command line with the arguments of `learn` instead."""
+    from flockbrush.learning.learn import LearnOptions
+
+    known = {*signature(learn).parameters, *(field.name for field in fields(LearnOptions))}
+
+    def argument(found):
+        option, first, last = found.groups()
+        name = ARGUMENTS.get(option, option.replace("-", "_"))
+        if name not in known:
+            return found[0]
+        return name if first is None else f"{name}=({first}, {last})"
+
+    return OPTION.sub(argument, text.replace("--unit m, px or bl", 'unit="m", "px" or "bl"'))
 
 
 def _given(tracks, name, options) -> list:
@@ -243,5 +262,5 @@ def result_of(found: Findings) -> LearnedBrush:
     notes = [*found.notes, *(note for clip in found.clips for note in clip.notes), *found.learned.notes]
     return LearnedBrush(
         found.brush, found.verdict(), "untold" if judgement is None else judgement.kind, rows,
-        estimates_of(found.learned), list(dict.fromkeys(notes)), found, found.models,
+        estimates_of(found.learned), list(dict.fromkeys(map(_in_python, notes))), found, found.models,
     )  # fmt: skip

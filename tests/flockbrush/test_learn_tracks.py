@@ -8,6 +8,7 @@ from flockbrush.engine.problems import ProblemsError
 
 import flockbrush
 from flockbrush.cli.main import called
+from flockbrush.learning.api import _in_python
 from flockbrush.learning.confounding import correlation_of, estimates_of
 from flockbrush.learning.learned_parameters import Learned
 
@@ -110,6 +111,9 @@ def test_options_that_ask_for_nothing_are_refused(tracks, wrong):
         ({"share": 2}, "share must be .1 to 1, got 2"), ({"fps": 0}, "fps must be above 0, got 0"),
         ({"name": "a/b"}, "name must be a name and not a path"),
         ({"quik": True}, "learn has no argument 'quik'; did you mean 'quick'?"),
+        ({"model": "hrd"}, "model: no model 'hrd' can be learned"),
+        ({"quick": True, "thorough": True}, "thorough: it searches longer and quick shorter; use one of them"),
+        ({"frames": (900, 999)}, "tracks1.npy: has no frames 900 to 999"),
         ({"unit": None}, 'tracks1.npy: has no unit for x and y: give it with unit="m", "px" or "bl"'),
     ],
 )  # fmt: skip
@@ -117,6 +121,15 @@ def test_what_is_wrong_is_said_in_words_of_python(tracks, wrong, told):
     with pytest.raises((ValueError, TypeError, ProblemsError)) as error:
         flockbrush.learn(tracks, **{"unit": "m", "fps": 16} | wrong)
     assert str(error.value).startswith(told)
+
+
+def test_notes_are_in_words_of_python(learned):
+    assert (
+        "Learned from the first part of the clip and tested on the rest: quick fits no brush to all." in learned.notes
+    )
+    assert not [note for note in learned.notes if "--" in note]
+    text = "x--y.npy: use --frames 0:8 or --body-length-m, and --body-colour R,G,B"
+    assert _in_python(text) == "x--y.npy: use frames=(0, 8) or body_length, and --body-colour R,G,B"
 
 
 def test_what_was_learned_is_shown_in_a_line(learned, capsys):
