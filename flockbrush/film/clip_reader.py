@@ -18,6 +18,7 @@ import numpy as np
 
 from flockbrush.engine.files import sha256_of
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.film.looking import frames_missing
 from flockbrush.film.media import check_frame_size, is_picture, open_container, pictures_of, read_picture, upright
 from flockbrush.film.observations import CannotObserve
 
@@ -145,6 +146,7 @@ def _photograph(name, path, sha256, picture, frames, work):
     full = picture.shape[1::-1]
     size = work_size(full, work)
     notes = ["it is a photograph: the density of the animals is known, but not their motion"]
+    notes += frames_missing(0, 0, _bounds(name, frames))
     pictures = {0: _smaller(picture, size)}
     return Clip(
         path, name, sha256, size, full, FPS, np.array([0]), np.zeros(1), True, notes + _shrunk(full, size), pictures
@@ -252,6 +254,7 @@ def _look_through(name, path, frames, say, work):
     if not numbers:
         raise CannotObserve(name, _no_frames(number + 1, first, last, film.damage))
     notes = [film.damage] if film.damage else []
+    notes += frames_missing(0, number, (first, last))
     if film.turned:
         notes.append(f"the clip is marked as rotated by {film.turned} degrees; it was turned upright")
     times, clock_notes = _clock(times, film.fps)

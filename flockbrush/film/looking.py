@@ -30,3 +30,18 @@ class Looking:
     body_length_m: float | None = None  # of tracks in metres; the same as in pixels: in whichever unit they are
     arena: Arena | None = None  # of tracks
     usual_length_m: float = 1.0  # of tracks in metres that do not state it
+
+
+def frames_missing(begin: int, end: int, wanted: tuple[int, int | None]) -> list[str]:
+    """A note, where more frames are asked for than the clip has, or none.
+
+    >>> frames_missing(0, 39, (0, 100))
+    ['has frames 0 to 39; 40 to 100 are not there']
+    >>> frames_missing(5, 39, (0, 39))
+    ['has frames 5 to 39; 0 to 4 are not there']
+    """
+    first, last = wanted
+    gone = [(first, begin - 1)] if first < begin else []
+    gone += [(end + 1, last)] if last is not None and last > end else []
+    ranges = " and ".join(f"{a} to {b}" for a, b in gone)
+    return [f"has frames {begin} to {end}; {ranges} are not there"] if gone else []

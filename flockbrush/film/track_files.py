@@ -20,6 +20,7 @@ from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film import track_arrays as arrays
 from flockbrush.film import track_formats as formats
+from flockbrush.film.looking import frames_missing
 from flockbrush.film.track_table import SAME_RATE, TrackTable
 
 UNITS = "m", "px", "bl"
@@ -78,9 +79,10 @@ class Trajectories:
     def part(self, first: int, last: int) -> Trajectories:
         """The frames numbered `first` to `last`, both included."""
         rows = (self.frames >= first) & (self.frames <= last)
+        notes = (*self.notes, *frames_missing(int(self.frames[0]), int(self.frames[-1]), (first, last)))
         heading = None if self.heading is None else self.heading[rows]
         start = self.start + float(rows.argmax()) / self.fps
-        return replace(self, xy=self.xy[rows], heading=heading, frames=self.frames[rows], start=start)
+        return replace(self, xy=self.xy[rows], heading=heading, frames=self.frames[rows], start=start, notes=notes)
 
 
 def is_tracks(path) -> bool:

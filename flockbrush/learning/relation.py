@@ -174,6 +174,9 @@ def relation_of_files(paths, danger: str, looking: Looking, leave_out=(), seed=0
         When a file cannot be read, or the danger is in none of them.
     """
     read = [read_tracks_of(path, looking) for path in paths]
+    for path, (tracks, _) in zip(paths, read, strict=True):
+        for note in tracks.notes:
+            say(f"{path}: {note}")
     try:
         length = float(np.median([length for _, length in read]))
         found = learn_relation([tracks for tracks, _ in read], danger, length, leave_out, seed)

@@ -120,6 +120,14 @@ def test_animals_that_are_seen_once_in_the_frames_asked_for_are_too_few():
         evidence_of_tracks(Trajectories(xy, tuple(map(str, range(ANIMALS))), FPS, "m"), 1.0)
 
 
+def test_frames_that_are_asked_for_and_not_there_are_told(tmp_path):
+    xy = np.random.default_rng(3).normal(0, 1, (40, 3, 2))
+    tracks = Trajectories(xy, tuple("abc"), FPS, "m", frames=np.arange(5, 45))
+    assert tracks.part(0, 100).notes == ("has frames 5 to 44; 0 to 4 and 45 to 100 are not there",)
+    assert tracks.part(5, 100).notes == ("has frames 5 to 44; 45 to 100 are not there",)
+    assert tracks.part(10, 44).notes == ()
+
+
 def test_bursts_are_no_leaps():
     """Fish that rest and dart: the longest steps are many times the usual one, and are theirs."""
     rng, ids = np.random.default_rng(3), tuple(map(str, range(ANIMALS)))

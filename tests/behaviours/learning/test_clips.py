@@ -51,6 +51,10 @@ def test_a_film_is_read_frame_by_frame(tmp_path):
 def test_frames_are_chosen_by_their_numbers_both_included(tmp_path):
     path = film(tmp_path / "a.mp4", [meadow(shift=2 * k) for k in range(8)])
     assert open_clip(path, (2, 5)).numbers.tolist() == [2, 3, 4, 5]
+    assert not [
+        note for clip in (open_clip(path), open_clip(path, (2, 5))) for note in clip.notes if "not there" in note
+    ]
+    assert "has frames 0 to 7; 8 to 20 are not there" in open_clip(path, (2, 20)).notes
     assert "has frames 0 to 7, but none in 20:30" in refusal(path, frames=(20, 30))
     assert "numbered from 0, and the first must not be after the last" in refusal(path, frames=(5, 2))
 
