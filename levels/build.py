@@ -368,7 +368,8 @@ def _queue_script(simulation, level):
         for k, key in sorted(enumerate(level.script), key=lambda entry: tick_at(entry[1].at, DT)):
             try:
                 given[k] = from_record(key.command, key.args)
-                foreseen(world, given[k])
+                if any(there.id == key.id for there in world.resource(Landscape).marks.keys):  # else one took it away
+                    foreseen(world, given[k])
             except (ValueError, LookupError) as error:
                 where = f"object {key.id} {key.name!r} in layer 'script'"
                 problems.append(Problem(str(level.path), key.line, where, str(error.args[0] if error.args else error)))

@@ -339,10 +339,11 @@ class LevelReader:
             place.say(f"height picture {source[:200]!r}: {error}")
             return
         ny, nx = grey.shape
-        if abs(nx * frame.ny / (ny * frame.nx) - 1) > 0.01:
+        wraps = level.boundary == "wrap"
+        if abs(nx * frame.ny / (ny * frame.nx) - 1) > (0.0 if wraps else 0.01):
             place.say(
-                f"the height picture is stretched over the map and must have its proportions,"
-                f" {frame.nx} : {frame.ny}, got {nx} x {ny} pixels"
+                f"the height picture is stretched over the map and must have its proportions"
+                f"{' exactly where the map wraps' if wraps else ''}, {frame.nx} : {frame.ny}, got {nx} x {ny} pixels"
             )
             return
         level.height_map = Raster(level.width / nx, grey[::-1].astype(float) * values["metres_per_level"])

@@ -16,6 +16,7 @@ painted ground.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -200,12 +201,13 @@ def sheets_of(level, palette_names):
             sheet = _sheet(indexed(layer), layer.bounds)
             (below if layer.plain else above).append((layer.weight, sheet))
         elif layer.weight > 0.0:
-            mixing.insert(0, _weighted(indexed(layer), layer.bounds, layer.weight, level.cell))
+            wraps = level.boundary == "wrap"
+            mixing.insert(0, _weighted(indexed(layer), layer.bounds, layer.weight, level.cell, wraps))
     above, below = (_from_the_top(some) for some in (above, below))
     return Sheets(above, below if len(below) > 1 else [], mixing)
 
 
-def with_zones(layers, zones, palette_names, shape, cell):
+def with_zones(layers, zones, palette_names, shape, cell, wraps=False):
     """The `Sheets` of layers with zones on top of them, later zones above earlier ones."""
     above, mixing = [replace(sheet) for sheet in layers.above], list(layers.mixing)
     for zone in zones:
@@ -215,7 +217,7 @@ def with_zones(layers, zones, palette_names, shape, cell):
             if zone.bounds.covers:
                 _lay_over(above, _sheet(raster, zone.bounds))
             else:
-                mixing.insert(0, _weighted(raster, zone.bounds, zone.bounds.strength, cell))
+                mixing.insert(0, _weighted(raster, zone.bounds, zone.bounds.strength, cell, wraps))
     return Sheets(above, layers.below, mixing)
 
 
@@ -225,20 +227,25 @@ def mixed_brushes(level):
     return sorted(names | {zone.brush for zone in level.zones if zone.brush and zone.bounds.blend == "mix"})
 
 
-def _weighted(raster, bounds, weight, cell):
+def _weighted(raster, bounds, weight, cell, wraps):
     """A sheet of part weight: its weight grows from 0 at the border over the length of its edge.
 
     Cells beside painted ones get their brush with weight 0, so that the weight between cells ends nowhere abruptly.
+    On a map that ``wraps``, those across its border are beside one another, too.
     """
     from scipy.ndimage import distance_transform_edt  # takes long to load, and few levels need it
 
+    rim = min(math.ceil(bounds.edge / cell) + 2, max(raster.shape)) if wraps else 0
+    within = tuple(slice(rim, rim + n) for n in raster.shape)
+    raster = np.pad(raster, rim, mode="wrap")
     inside = raster >= 0
     far, nearest = distance_transform_edt(~inside, return_indices=True)
     spread = np.where(far < 1.5, raster[tuple(nearest)], NO_BRUSH).astype(np.int32) if inside.any() else raster
     depth = (distance_transform_edt(inside) - 0.5) * cell if not inside.all() else np.full(raster.shape, np.inf)
     share = np.clip(depth / bounds.edge, 0.0, 1.0) if bounds.edge > 0.0 else 1.0
-    sheet = _sheet(spread, bounds)
-    sheet.weight, sheet.shares = np.where(inside, weight * share, 0.0), bounds.blend == "share"
+    sheet = _sheet(np.ascontiguousarray(spread[within]), bounds)
+    sheet.weight = np.ascontiguousarray(np.where(inside, weight * share, 0.0)[within])
+    sheet.shares = bounds.blend == "share"
     return sheet
 
 

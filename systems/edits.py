@@ -303,8 +303,9 @@ class MarkSpawn(OfThing):
         return [TouchedAnimals(), *super().touches(world)]
 
     def foresee(self, world):
+        if self.due(world.resource(Nursery)):
+            world.resource(SpeciesList).index(self.species)
         self.put(world, self.area(world))
-        world.resource(SpeciesList).index(self.species)
 
     def apply(self, world):
         due, spawn = self.due(world.resource(Nursery)), self.area(world)

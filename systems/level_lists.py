@@ -58,13 +58,16 @@ def rehearsal(world):
 def foreseen(world, command):
     """Check a command as if those foreseen before it had been applied; the `rehearsal` then has what it brings.
 
+    Of one that rehearses others itself the form alone is checked (``check_form``).
+
     Raises
     ------
     ValueError, LookupError
         When the command cannot be done.
     """
-    if hasattr(command, "check"):
-        command.check(world)
+    check = getattr(command, "check_form", None) or getattr(command, "check", None)
+    if check is not None:
+        check(world)
     if hasattr(command, "foresee"):
         command.foresee(world)
 

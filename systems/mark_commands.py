@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from operator import itemgetter
 
 import numpy as np
 from flockbrush.components.level_things import ZONE
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.commands import command, commands, from_record, places_of
+from flockbrush.engine.commands import command, commands, from_record, places_of, tick_at
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import MEDIA
 from flockbrush.systems.edits import OfOutline, OfThing, away_by_id, check_id, check_on_map
@@ -142,20 +143,32 @@ class PlaceKey(OfThing):
     y: float
     at: int = -1
 
-    def check(self, world):
+    def check_form(self, world):
+        """Check all but whether the command can be given at its time."""
         check_id(self)
         land = world.resource(Landscape)
         need(0 <= self.when <= 1e7, f"when must be 0 to 1e7 s, got {self.when:g}")
         inside = 0 <= self.x <= land.width and 0 <= self.y <= land.height
         need(inside, off_the_map(land, f"({self.x:g}, {self.y:g})"))
-        command = from_record(self.command, self.given())
-        now = world.resource(Clock).now
-        before = [key for key in land.marks.keys if key.id != self.id and now <= key.at <= self.when]
+        from_record(self.command, self.given())
+
+    def check(self, world):
+        self.check_form(world)
+        clock, keys = world.resource(Clock), world.resource(Landscape).marks.keys
+        due = tick_at(self.when, clock.dt)
+        if self.at >= 0 or due < clock.tick:  # put back as it was, or never given
+            return
+        waiting = [(tick_at(key.at, clock.dt), key) for key in keys if key.id != self.id]
         with rehearsal(world):
-            for key in sorted(before, key=lambda key: key.at):
-                with suppress(ValueError, LookupError):  # whatever is wrong with it is told when it is due
-                    foreseen(world, from_record(key.command, key.args))
-            foreseen(world, command)
+            for tick, key in sorted(waiting, key=itemgetter(0)):
+                if clock.tick <= tick <= due:
+                    with suppress(ValueError, LookupError):  # whatever is wrong with it is told when it is due
+                        foreseen(world, from_record(key.command, key.args))
+            foreseen(world, from_record(self.command, self.given()))
+
+    def foresee(self, world):
+        key = Key(self.id, self.name, self.when, self.command, self.given(), np.array([self.x, self.y]))
+        put_thing(world.resource(Landscape).marks.keys, key, self.at)
 
     def given(self):
         """The command's arguments, with the place where the key stands."""
@@ -171,10 +184,8 @@ class PlaceKey(OfThing):
         return None
 
     def apply(self, world):
-        land = world.resource(Landscape)
-        key = Key(self.id, self.name, self.when, self.command, self.given(), np.array([self.x, self.y]))
-        put_thing(land.marks.keys, key, self.at)
-        land.changed()
+        self.foresee(world)
+        world.resource(Landscape).changed()
 
 
 def _check_free(land, mine):

@@ -163,7 +163,7 @@ class MapMarks:
         for zone in self.zones:
             if zone.brush:
                 land.transition[rasterise_polygon(zone.polygon, shape, cell)] = zone.blend
-        land.sheets = with_zones(self.layers, self.zones, self.names, shape, cell)
+        land.sheets = with_zones(self.layers, self.zones, self.names, shape, cell, land.wrap is not None)
         land.lay_above()
 
     # regions -----------------------------------------------------------------------

@@ -21,7 +21,7 @@ from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import Noise, key_, uniform_
 from flockbrush.systems.far_sight import Eyes, count_far, sees_place
 from flockbrush.systems.fauna import SOLITARY, SpeciesList
-from flockbrush.systems.ground_height import height_of_ground
+from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.named_regions import away_from_region, in_goal, in_region
 from flockbrush.systems.senses import Near, Sight, SightInSpace
@@ -169,12 +169,7 @@ class WorldSenses:
 
     def height(self):
         """(n,) m above the ground."""
-        return self._once("height", self._height)
-
-    def _height(self):
-        out = np.empty(len(self.ids))
-        _heights(self.xyz, self._land.heights, out)
-        return out
+        return self._once("height", lambda: self.xyz[:, 2] - heights_of_ground(self._land.heights, self.xyz))
 
     # memory and sight
 
@@ -224,10 +219,3 @@ def _changes(agents, known, species_names):
 def _draw(stream, ids, rows, ticks, low, high, out):
     for k in range(len(rows)):
         out[k] = low + (high - low) * uniform_(key_(stream, ticks[k]), ids[rows[k]], 0)
-
-
-@njit(cache=True, nogil=True)
-def _heights(xyz, heights, out):
-    flat = heights.relief.shape[0] == 1 and heights.relief.shape[1] == 1
-    for i in range(len(xyz)):
-        out[i] = xyz[i, 2] - (0.0 if flat else height_of_ground(heights, xyz[i, 0], xyz[i, 1]))

@@ -97,6 +97,30 @@ def test_a_key_may_be_about_what_an_earlier_key_brings():
     assert state_hash(simulation.world) == before
 
 
+def test_keys_are_moved_and_brought_back_whatever_has_become_of_what_they_are_about():
+    simulation, gate = field(), {"name": "gate", "points": [[30.0, 30.0], [32.0, 30.0], [32.0, 32.0]]}
+    do(simulation, PlaceKey(40, "key", 0.1, "AddObstacle", gate, 31.0, 31.0))
+    do(simulation, PlaceKey(41, "key", 0.2, "RemoveObstacle", {"name": "gate"}, 25.0, 25.0))
+    backs = [do(simulation, RemoveThing("key", number)) for number in (40, 41)]
+    for back in reversed(backs):  # the later key first, while the one it needs is gone
+        do(simulation, *back)
+    simulation.run(16)  # both are past, and so is the obstacle
+    do(simulation, PlaceKey(41, "moved", 0.2, "RemoveObstacle", {"name": "gate"}, 20.0, 20.0))
+    with pytest.raises(CommandError, match="there is no obstacle 'gate'"):
+        do(simulation, PlaceKey(41, "later", 9.0, "RemoveObstacle", {"name": "gate"}, 20.0, 20.0))
+
+
+def test_a_key_may_bring_a_key_and_another_take_it_away():
+    simulation, gate = field(), {"name": "gate", "points": [[30.0, 30.0], [32.0, 30.0], [32.0, 32.0]]}
+    brought = {"id": 60, "name": "", "when": 2.0, "command": "AddObstacle", "args": gate, "x": 30.0, "y": 30.0}
+    do(simulation, PlaceKey(40, "key", 0.1, "PlaceKey", brought, 31.0, 31.0))
+    do(simulation, PlaceKey(41, "key", 0.2, "RemoveThing", {"kind": "key", "id": 60}, 31.0, 31.0))
+    simulation.run(5)
+    assert [key.id for key in land_of(simulation).marks.keys] == [40, 41, 60]
+    simulation.run(5)
+    assert [key.id for key in land_of(simulation).marks.keys] == [40, 41]
+
+
 BAD = [
     (DrawZone(30, "pen", HERE.tolist()), "the zone does nothing"),
     (DrawZone(30, "pen", HERE.tolist(), "rnu"), "no brush 'rnu'"),

@@ -102,6 +102,19 @@ def test_a_soft_edge_grows_evenly_inwards_and_is_there_from_outside_too():
     assert (weight[x < 19] == 0).all() and (weight[x > 37] == 1).all()
 
 
+@pytest.mark.parametrize("shift", [0, 12, 20, 31])
+def test_a_soft_edge_goes_on_over_the_border_of_a_wrapped_map(shift):
+    band = layer(weight=1.0, bounds=PaintBounds(blend="mix", edge=6.0), west=24)
+    band.index = np.roll(band.index, shift, axis=1)
+    simulation, places = herd(band, many=0, boundary="wrap"), np.linspace(20.1, 43.9, 150)
+    put(simulation, np.column_stack([(places + shift) % 40.0, np.full(150, 20.0)]), brush="walk")
+    simulation.tick()
+    palette = simulation.world.resource(Palette)
+    weight = (np.array([palette.mean[k] for k in simulation.agents[BrushBinding.brush]]) - 1.0) / 4.0
+    inwards = np.minimum(places - 24.0, 40.0 - places) / 6.0
+    np.testing.assert_allclose(weight, np.clip(inwards, 0.0, 1.0), atol=1.01 / STEPS + 0.1)
+
+
 def test_a_zone_has_a_strength_and_unlike_models_fall_back_to_a_share():
     bounds = PaintBounds(blend="mix", strength=0.5, medium="any")
     simulation = herd(zones=[Zone(1, "half", box(0, 0, 40, 40), "run", np.inf, 1.0, 0.5, bounds=bounds)])
