@@ -37,11 +37,12 @@ def frames_missing(begin: int, end: int, wanted: tuple[int, int | None]) -> list
 
     >>> frames_missing(0, 39, (0, 100))
     ['has frames 0 to 39; 40 to 100 are not there']
-    >>> frames_missing(5, 39, (0, 39))
-    ['has frames 5 to 39; 0 to 4 are not there']
+    >>> frames_missing(1, 39, (0, 39))
+    ['has frames 1 to 39; 0 is not there']
     """
     first, last = wanted
     gone = [(first, begin - 1)] if first < begin else []
     gone += [(end + 1, last)] if last is not None and last > end else []
-    ranges = " and ".join(f"{a} to {b}" for a, b in gone)
-    return [f"has frames {begin} to {end}; {ranges} are not there"] if gone else []
+    ranges = " and ".join(f"{a} to {b}" if a < b else f"{a}" for a, b in gone)
+    verb = "are" if len(gone) > 1 or any(a < b for a, b in gone) else "is"
+    return [f"has frames {begin} to {end}; {ranges} {verb} not there"] if gone else []

@@ -97,7 +97,8 @@ def learn(
     fps : float, optional
         Frames a second; required for arrays and for files without times.
     body_length : float, optional
-        Of one animal nose to tail, in metres or pixels as the tracks are (of films in metres); 1 m unless given.
+        Of one animal nose to tail, in metres or pixels as the tracks are (of films in metres).  Else what the tracks
+        say, or 1 m.
     frames : (int, int), optional
         First and last frame to use, both included.
     arena : str, optional
@@ -114,13 +115,13 @@ def learn(
         seed : int, 0
             Of all chance: the same tracks, options and versions give the same brush.
         starts : int, 5
-            Random starts of the search.
+            Random starts of the search of the herd model.
         quick : bool, False
             A first impression.
         thorough : bool, False
             Search with four times as much work.
         share : float, .5
-            Of the frames that the brush is learned from; the others judge it.
+            Of the frames of one clip that the brush is learned from; the others judge it.
         jobs : int, 1
             Processes.
         licence : str, optional
@@ -187,7 +188,7 @@ def _words_of_python(folder):
 
 def _in_python(text):
     """A text about options of the command line with the arguments of `learn` instead."""
-    from flockbrush.learning.learn import LearnOptions
+    from flockbrush.learning.learn_options import LearnOptions
 
     known = {*signature(learn).parameters, *(field.name for field in fields(LearnOptions))}
 
@@ -203,7 +204,7 @@ def _in_python(text):
 
 def _given(tracks, name, options) -> list:
     """The tracks one by one; ValueError where there are none, or where options ask for nothing."""
-    from flockbrush.learning.learn import LearnOptions
+    from flockbrush.learning.learn_options import LearnOptions
 
     if not name or Path(name).name != name:
         raise ValueError(f"name must be a name and not a path, got {name!r}")

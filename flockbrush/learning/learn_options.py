@@ -127,7 +127,8 @@ def _check_different(clips):
     for clip in map(Path, clips if len(clips) > 1 else ()):
         what = sha256_of(clip) if clip.is_file() else str(clip.resolve())
         if what in known:
-            raise refused(clip, f"has the same content as {known[what]}: each clip is held out in turn, name it once")
+            same = f"has the same content as {known[what].name}: each clip is held out in turn, name it once"
+            raise refused(clip, same)
         known[what] = clip
 
 

@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
-from flockbrush.engine.recording import open_recording, resume
+from flockbrush.engine.recording import open_recording
 from pens import pen
 from processes import other_process
 
@@ -61,7 +61,6 @@ def lived(recording):
     """The simulation at the end of the recording (tick 40, 1.25 s)."""
     run = open_recording(recording)
     simulation = rebuild(run)
-    resume(run, simulation.world)
     simulation.run(40)
     return simulation
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.engine import commands, plugins
-from flockbrush.engine.recording import open_recording, resume
+from flockbrush.engine.recording import open_recording
 from pens import pen
 
 from flockbrush.cli import doctor
@@ -188,7 +188,6 @@ def test_measures_are_told_over_time(cli, recording):
 def test_who_passes_the_gate_is_counted(recording):
     run = open_recording(recording)
     simulation = rebuild(run)
-    resume(run, simulation.world)
     counts = Counts(simulation)
     west = counts.values()["in west"]
     from flockbrush.components import Position

@@ -114,7 +114,7 @@ def test_a_look_that_comes_later_is_shown_from_the_start(cli, recording, tmp_pat
 
 @pytest.mark.parametrize("ending", sorted(exporters()))
 def test_every_format_takes_animals_of_another_time(recording, tmp_path, ending):
-    from flockbrush.engine.recording import open_recording, resume
+    from flockbrush.engine.recording import open_recording
 
     from flockbrush.runs import run as running
 
@@ -122,12 +122,10 @@ def test_every_format_takes_animals_of_another_time(recording, tmp_path, ending)
         return
     run = open_recording(recording)
     other = running.rebuild(run)
-    resume(run, other.world)
     past = Past(range(1, 13))
     past.watch(other, run.last_tick)
     edits = [Edit("retime", tuple(range(1, 7)), speed=2.5), Edit("delay", tuple(range(7, 13)), seconds=-1.0)]
     simulation = running.rebuild(run)
-    resume(run, simulation.world)
     view = EditedMoments(simulation, edits, past)
     with Exports([tmp_path / f"late{ending}"], simulation, 8, view, size=(320, 240)) as exports:
         exports.take()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from browser import Browser, chromium
 from flockbrush.components import Heading, Position
-from flockbrush.engine.recording import open_recording, resume, state_hash
+from flockbrush.engine.recording import open_recording, state_hash
 
 from flockbrush.output.page.coarse import coarse_triangles
 from flockbrush.output.page.page_writer import PageWriter
@@ -98,7 +98,6 @@ class TestInABrowser:
     def test_positions_and_headings_are_those_of_the_simulation(self, shown, recording):
         run = open_recording(recording)
         simulation = rebuild(run)
-        resume(run, simulation.world)
         simulation.run(40)
         asked(shown, "{ p.seek(1.25); p.run.at(1.25); }")
         told = asked(shown, "['ids', 'x', 'y', 'z', 'yaw'].map((n) => [...p.run[n].subarray(0, p.run.count)])")

@@ -12,7 +12,7 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.engine.commands import Commands
 from flockbrush.engine.parallel import set_threads, threads
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.engine.recording import Recording, open_recording, resume, state_hash
+from flockbrush.engine.recording import Recording, open_recording, state_hash
 from flockbrush.levels.build import build, plane
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.commands import AddAnimals, PaintBrush, SwitchBrush
@@ -179,7 +179,6 @@ def test_what_has_run_or_has_no_level_is_not_recorded(level, tmp_path):
 def test_the_script_runs_once_though_level_and_recording_both_know_it(recording):
     run = open_recording(recording)
     simulation = rebuild(run)
-    resume(run, simulation.world)
     simulation.run(run.last_tick)
     applied = simulation.world.resource(Commands).log
     assert [type(command).__name__ for _, command in applied] == ["SwitchBrush"]
@@ -294,7 +293,6 @@ def test_the_state_of_a_replay_is_the_state_of_the_run(cli, level, recording):
     report = json.loads(cli("run", level, "--ticks", 40, "--json").out)
     run = open_recording(recording)
     simulation = rebuild(run)
-    resume(run, simulation.world)
     simulation.run(40)
     assert report["hash"] == run.hashes[40] == state_hash(simulation.world)
     assert os.path.getsize(recording) < 60_000

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.engine.recording import open_recording, resume
+from flockbrush.engine.recording import open_recording
 from test_gltf import Scene
 
 from flockbrush.runs.edit_file import beside, edits_of, ids_of, ids_text, parse_edits
@@ -31,7 +31,6 @@ def told(recording):
     """(simulation, [moment of every tick])."""
     run = open_recording(recording)
     simulation = rebuild(run)
-    resume(run, simulation.world)
     moments = [moment_of(simulation)]
     while simulation.clock.tick < run.last_tick:
         simulation.tick()

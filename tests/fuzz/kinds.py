@@ -169,7 +169,7 @@ class Recordings(Kind):
         return rng.choice([corners, corners, far, whole, some, ["march", "swarm"], ["swarm"], [], [0.5, 1.5], [2**62]])
 
     def read(self, path):
-        from flockbrush.engine.recording import first_difference, open_recording, resume
+        from flockbrush.engine.recording import first_difference, open_recording
 
         from flockbrush.cli.level_commands import differing
         from flockbrush.runs.run import go_to, rebuild
@@ -180,7 +180,6 @@ class Recordings(Kind):
         simulation, end = rebuild(run), min(run.last_tick, 12)
         try:
             if path.stat().st_size % 2:
-                resume(run, simulation.world)
                 first_difference(run, simulation.world, simulation.tick, end)
             else:
                 go_to(run, simulation, end)
