@@ -335,7 +335,7 @@ def test_options_that_change_nothing_are_refused_or_told(cli, films, quick, tmp_
         ((one, two, "--share", 0.3), "--share: of 2 clips each is held out in turn"),
         ((one, "--model", "zones", "--starts", 3), "--starts: it is for the search of the herd model"),
         ((one, "--model", "zones", "--device", "cpu"), "--device: it is for the search of the herd model"),
-        ((one, one), f"{one}: has the same content as {one}"),
+        ((one, one), f"{one}: has the same content as {one.name}"),
     ):
         done = cli("learn", *arguments, "--out", out)
         assert done.code == 1 and told in done.err, done.err
