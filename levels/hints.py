@@ -35,26 +35,30 @@ def layer_hints(layers):
             layer.place.warn("has a parallax factor, which is ignored")
 
 
-def paint_hints(thing, place, library):
+def paint_hints(level, places, library):
     """Warn about ground paint that makes birds land and lets them go on their way down.
 
     Parameters
     ----------
-    thing : BrushLayer or Zone
-    place : Place
-        Of the layer or zone.
+    places : sequence of Place
+        Of the brush layers, then of the zones.
     library : BrushLibrary
     """
-    bounds = thing.bounds
-    if bounds.medium not in ("air", "any") or not 0.0 < bounds.z_min < np.inf:
-        return
-    names = getattr(thing, "assets", [thing.brush] if getattr(thing, "brush", None) else [])
-    for name in names:
-        if not flies_free(library.get(name)):
-            place.warn(
-                f"brush {name!r} makes birds land, but acts only above z_min {bounds.z_min:g} m: below, they take off "
-                "again; set z_min to 0"
-            )
+    for thing, here in zip([*level.brush_layers, *level.zones], places, strict=True):
+        bounds = thing.bounds
+        if bounds.medium not in ("air", "any") or not 0.0 < bounds.z_min < np.inf:
+            continue
+        for name in _brushes_of(thing):
+            if not flies_free(library.get(name)):
+                here.warn(
+                    f"brush {name!r} makes birds land, but acts only above z_min {bounds.z_min:g} m: below, they take "
+                    "off again; set z_min to 0"
+                )
+
+
+def _brushes_of(thing):
+    """Names of the brushes of a brush layer or a zone."""
+    return getattr(thing, "assets", [thing.brush] if getattr(thing, "brush", None) else [])
 
 
 def mixing_hints(level, places, library):
@@ -70,8 +74,8 @@ def mixing_hints(level, places, library):
         if thing.bounds.blend != "mix":
             continue
         for start in sorted({spawn.brush for spawn in level.spawns}):
-            for end in getattr(thing, "assets", [getattr(thing, "brush", None)]):
-                hint = "" if end in (None, start) else _mixing_hint(library, start, end)
+            for end in _brushes_of(thing):
+                hint = "" if end == start else _mixing_hint(library, start, end)
                 if hint:
                     here.warn(hint)
 

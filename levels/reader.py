@@ -12,6 +12,7 @@ import posixpath
 from pathlib import Path
 
 import numpy as np
+from flockbrush.behaviours.brush import SUFFIX, load_brush
 from flockbrush.behaviours.program import Program, shipped_programs
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.engine.file_formats import misfit
@@ -127,8 +128,7 @@ class LevelReader:
         self.programs = programs or shipped_programs()
         self.named_programs: dict[str, Program] = {}
         self.commands = commands
-        self._names: list[str] | None = None
-        self._plain: dict[str, tuple] = {}  # where a brush is first named without a file: (place, line)
+        self._plain: list[tuple] = []  # where a brush is named without a file: (name, place, line, key)
         self._brush_files: dict[str, tuple[str, bytes]] = {}  # of brushes that are named with one
         self.place = FilePlace(report, str(files.level), None)
         self.tiles = TilesetReader(files, self.place)
@@ -167,17 +167,17 @@ class LevelReader:
         level.kinds = list({**self.tiles.kinds(), **artist.kinds}.values())
         level.files = self.files.got
         level.programs = self.named_programs
+        self.know_brushes()
         check_level(level, self.objects, self.library, self.commands)
         if not self.report.problems:
-            self.tell_hidden_brushes()
             layer_hints(layers)
             level_hints(level, self.objects.places)
             program_hints(level, self.objects.places)
             event_hints(level, self.objects.places)
             script_hints(level, self.objects.places)
-            for zone in level.zones:
-                paint_hints(zone, self.objects.place(zone), self.library)
-            mixing_hints(level, [*self.paint_places, *map(self.objects.place, level.zones)], self.library)
+            places = [*self.paint_places, *map(self.objects.place, level.zones)]
+            paint_hints(level, places, self.library)
+            mixing_hints(level, places, self.library)
             fauna = getattr(self.library, "species", None) or shipped_species()
             slope_hints(level, self.objects.places, self.library, fauna)
             seam_hints(level, place)
@@ -293,10 +293,7 @@ class LevelReader:
         for gid, name in names.items():
             index[gids == gid] = assets.index(name)
         values = read_properties(layer.node, CLASSES["BrushLayer"], layer.place)
-        layer_read = BrushLayer(layer.name, layer.opacity, assets, index, PaintBounds.of(values))
-        if not self.report.problems:
-            paint_hints(layer_read, layer.place, self.library)
-        return layer_read
+        return BrushLayer(layer.name, layer.opacity, assets, index, PaintBounds.of(values))
 
     def tile_brush(self, tile):
         """The brush of a painted tile; looked up only now, since a tileset may know brushes that are gone."""
@@ -351,16 +348,37 @@ class LevelReader:
     # ------------------------------------------------------------ brushes
 
     def brush(self, name, folder, place, line, key):
-        """The name of a brush that exists, files named relative to the level."""
-        if not name:
-            place.say(f"{key} must name a brush{did_you_mean(name, self.brush_names())}", line)
-            return name
+        """The name of a brush, files named relative to the level; a plain name is judged by `know_brushes`."""
         if name.endswith(".toml"):
             return self.brush_file(name, folder, place, line, key)
-        if name not in self.brush_names():
-            place.say(f"{key}: there is no brush {name[:60]!r}{did_you_mean(name, self.brush_names())}", line)
-        self._plain.setdefault(name, (place, line))
+        self._plain.append((name, place, line, key))
         return name
+
+    def know_brushes(self):
+        """From now on the brushes named as files are known by name too; plain names that are wrong or hidden are told.
+
+        A plain name means the file of this name, if the level names one anywhere.
+        """
+        others, files = self.library, self._brush_files
+        self.library = others.with_files({name + SUFFIX: data for name, (_, data) in files.items()})
+        names, hidden = self.library.names(), {name for name in files if self._hides(others, name)}
+        for name, place, line, key in self._plain:
+            if not name:
+                place.say(f"{key} must name a brush{did_you_mean(name, names)}", line)
+            elif name not in names:
+                place.say(f"{key}: there is no brush {name[:60]!r}{did_you_mean(name, names)}", line)
+            elif name in hidden:
+                hidden.remove(name)
+                place.warn(
+                    f"brush {name!r} is that of {files[name][0]} in this level; rename the file to have both", line
+                )
+
+    def _hides(self, library, name):
+        """Whether the brush of a file is not the one of this name in the library."""
+        try:
+            return name in library.names() and library.get(name).source != self._brush_files[name][1]
+        except ProblemsError:  # nobody uses that one
+            return False
 
     def program(self, name, place, line):
         """The name of a program, which is read; one that is wrong is told with its own lines."""
@@ -374,14 +392,7 @@ class LevelReader:
                     place.say(f"program: {error.problems[0].message}", line)
         return name
 
-    def brush_names(self):
-        if self._names is None:
-            self._names = self.library.names()
-        return self._names
-
     def brush_file(self, name, folder, place, line, key):
-        from flockbrush.behaviours.brush import load_brush
-
         try:
             data = self.files.read(posixpath.join(folder, name))
         except FileRefused as error:
@@ -397,14 +408,3 @@ class LevelReader:
         if known != data:
             place.say(f"{key}: {relative} and {other} are different brushes of one name; rename one of them", line)
         return brush
-
-    def tell_hidden_brushes(self):
-        """Warn of each brush that is named plainly and is not the one of this name in the library."""
-        for name in sorted(self._plain.keys() & self._brush_files.keys()):
-            (place, line), (file, data) = self._plain[name], self._brush_files[name]
-            try:
-                hidden = name in self.brush_names() and self.library.get(name).source != data
-            except ProblemsError:  # nobody uses that one
-                continue
-            if hidden:
-                place.warn(f"brush {name!r} is that of {file} in this level; rename the file to have both", line)

@@ -30,6 +30,10 @@ class Shelf:
         body = SimpleNamespace(length=1.0, radius=0.2)
         return SimpleNamespace(name=name, model="herd", body=body, has_own_body=True)
 
+    def with_files(self, files):
+        assert not files
+        return self
+
 
 @dataclass(frozen=True)
 class Gust:

@@ -10,7 +10,7 @@ from flockbrush.engine import limits
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.reader import read_level, read_level_files
 from flockbrush.levels.schema import PROJECT_FILE
-from small_level import Gust, Shelf, herd, level, objects, tiles, tileset
+from small_level import Gust, Shelf, herd, level, objects, properties, thing, tiles, tileset
 
 
 def save(folder, source="kinds.tsj"):
@@ -134,6 +134,30 @@ def test_a_brush_may_be_a_file_beside_the_level(project, monkeypatch):
         assert found.spawns[0].brush == "mine"
     assert list(found.files) == ["small.tmj", "brushes/mine.brush.toml"]
     assert read_level_files(found.files).spawns[0].brush == "mine"
+
+
+def test_a_brush_that_is_named_as_a_file_is_known_by_its_name_everywhere(project):
+    from flockbrush.behaviours.brush import shipped
+
+    (project / "own").mkdir()
+    (project / "own" / "mine.brush.toml").write_bytes(shipped().get("march").source)
+    key = thing(2, "Key", 16, 16, extra={"point": True}, at=1.0, command="SwitchBrush", brush="mine")
+    mix = tiles("brush", [3] * 100, opacity=0.5, properties=properties(blend="mix"))
+    herds = [herd(brush="own/mine.brush.toml", count=2), {**herd(brush="graze", count=2), "id": 3}]
+    layers = [mix, objects("spawns", *herds), objects("script", key)]
+    document = level(tiles(), *layers)
+    asset = document["tilesets"][0]["tiles"][2]["properties"][0]
+    asset["value"] = "mine"
+    path = project / "small.tmj"
+    path.write_text(json.dumps(document))
+    found = read_level(path)
+    assert (found.brush_layers[0].assets, found.script[0].args["brush"]) == (["mine"], "mine")
+    assert ["from 'graze' to 'mine'" in str(told) for told in found.warnings] == [True]
+    asset["value"] = "mien"
+    path.write_text(json.dumps(document))
+    with pytest.raises(ProblemsError) as caught:
+        read_level(path)
+    assert ["there is no brush 'mien'; did you mean 'mine'?" in str(told) for told in caught.value.problems] == [True]
 
 
 def of_two_brushes(project, *names):

@@ -255,6 +255,17 @@ def test_a_brush_that_the_level_names_as_a_file_goes_along_in_silence(tmp_path):
     assert (tmp_path / "elsewhere" / "own" / "march.brush.toml").read_bytes() == own
 
 
+def test_a_brush_that_the_level_names_as_a_file_can_be_painted_and_saved(tmp_path):
+    level = pasture(tmp_path / "levels", script=False, brush="own/mine.brush.toml")
+    (level.parent / "own").mkdir()
+    (level.parent / "own" / "mine.brush.toml").write_bytes(shipped().get("march").source)
+    session = Session.open(level, state_folder=tmp_path / "state")
+    assert session.do("paint", [stroke("mine", 6, 8, 3)])
+    assert session.save() and texts(session) == []
+    session.close()
+    assert any("mine" in layer.assets for layer in read_level(level).brush_layers)
+
+
 NEEDS = {  # a key, what is removed that it names, and what is said
     "species": (("SwitchBrush", {"brush": "march", "species": "wolf"}), "spawn", "there is no species 'wolf'"),
     "obstacle": (("MoveObstacle", {"name": "stone", "x": 12.0, "y": 4.0}), "obstacle", "there is no obstacle 'stone'"),
