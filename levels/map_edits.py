@@ -102,7 +102,7 @@ class EditedMap(MapObjects):
 
     def constants(self):
         """What copies of this have in common."""
-        return self.files, MISSING
+        return self.files, MISSING, self.tiles.tilesets
 
     def find_grids(self):
         """In a copy: know the layers again, which are other objects now."""

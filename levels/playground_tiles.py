@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from flockbrush.engine import limits
 from flockbrush.engine.problems import ProblemsError, did_you_mean
-from flockbrush.levels import geometry
 from flockbrush.levels.document_changes import EditError
+from flockbrush.levels.document_nodes import values_of
 from flockbrush.levels.json_lines import parse
 from flockbrush.levels.level_writer import dump
 from flockbrush.levels.properties import FilePlace, Report
 from flockbrush.levels.reader import LevelReader
+from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.terrain_kinds import TERRAINS
 from flockbrush.levels.tile_data import FLIP_FLAGS
 from flockbrush.levels.tiled import class_tile
@@ -39,15 +40,14 @@ class PlaygroundTiles:
         self._fresh: tuple = (None, {})
         report = Report()
         reader = LevelReader(edited.files, report, library)
-        tiles = TilesetReader(edited.files, FilePlace(report, str(edited.document.path), None))
+        tiles = self.tilesets = TilesetReader(edited.files, FilePlace(report, str(edited.document.path), None))
         tiles.read(parse(dump(edited.data).encode(), limits.JSON_DEPTH))
         if report.problems:
             raise ProblemsError(report.problems)
         self.meaning: dict[int, tuple] = {}  # of a global tile id: ("brush", name), ("cap", (max_speed, factor)), ...
-        self.ends = {t.firstgid: t.firstgid + t.count for t in tiles.tilesets}
-        self.origins = {t.firstgid: geometry.ALIGNMENTS[t.alignment] for t in tiles.tilesets}
+        ours = {entry["firstgid"] for entry in edited.data.get("tilesets", []) if is_playground(entry)}
         for tileset in tiles.tilesets:
-            if not tileset.name.startswith(PLAYGROUND):
+            if tileset.firstgid not in ours:
                 for number, tile in tileset.tiles.items():
                     meaning = _meaning(reader, tile)
                     if meaning is not None:
@@ -55,9 +55,7 @@ class PlaygroundTiles:
 
     def origin(self, gid):
         """(x, y), where on its picture the place of an object of this tile is: shares of width and height."""
-        number = gid & ~FLIP_FLAGS
-        first = max((first for first, end in self.ends.items() if first <= number < end), default=None)
-        return self.origins.get(first, geometry.ALIGNMENTS["unspecified"])
+        return self.tilesets.origin(gid & ~FLIP_FLAGS)
 
     def meanings(self):
         """{gid: meaning} of every tile there is now."""
@@ -96,7 +94,8 @@ class PlaygroundTiles:
         last = max(tilesets, key=lambda e: e["firstgid"], default=None)
         if last is not None and is_playground(last):
             return last
-        ends = [self.ends.get(e["firstgid"], e["firstgid"] + e.get("tilecount", 0)) for e in tilesets]
+        counts = {t.firstgid: t.count for t in self.tilesets.tilesets}
+        ends = [e["firstgid"] + counts.get(e["firstgid"], e.get("tilecount", 0)) for e in tilesets]
         tile, count = self.map.data["tilewidth"], sum(str(e.get("name", "")).startswith(PLAYGROUND) for e in tilesets)
         return {
             "columns": COLUMNS, "firstgid": max(ends, default=1), "image": self.picture_name(count),
@@ -140,13 +139,15 @@ def _meaning(reader, tile):
 
 def _own_meaning(tile):
     """What a tile of "playground" means, or None."""
-    properties = {p["name"]: p["value"] for p in tile.get("properties", [])}
     cls = tile.get("class") or tile.get("type")
+    if cls not in ("Brush", "SpeedCap", "Terrain"):
+        return None
+    properties = values_of(tile, CLASSES[cls])
     if cls == "Brush":
         return "brush", properties.get("asset", "")
     if cls == "SpeedCap":
         return "cap", (float(properties.get("max_speed", 0)), float(properties.get("factor", 1)))
-    return ("surface", properties.get("name", "")) if cls == "Terrain" else None
+    return "surface", properties.get("name", "")
 
 
 def _values(meaning):

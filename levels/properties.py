@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 from flockbrush.engine.problems import Problem, did_you_mean
+from flockbrush.levels.document_nodes import is_class
 from flockbrush.levels.level_class import ObjectClass, Property
 from flockbrush.levels.schema import CLASSES, COMPASS
 
@@ -134,10 +135,7 @@ def _flat(node, cls, place):
     for entry in entries:
         if not isinstance(entry, dict) or not isinstance(entry.get("name"), str) or "value" not in entry:
             place.say("each of the 'properties' must have a name and a value", getattr(entry, "line", None))
-        elif (
-            isinstance(entry["value"], dict)
-            and (entry.get("propertytype") or entry["name"]).lower() == cls.name.lower()
-        ):
+        elif isinstance(entry["value"], dict) and is_class(entry, cls):
             yield from ((entry, name, value) for name, value in entry["value"].items())
         else:
             yield entry, entry["name"], entry["value"]

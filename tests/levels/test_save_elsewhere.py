@@ -174,6 +174,18 @@ def test_a_picture_of_others_with_its_name_stays(tmp_path):
     assert (tmp_path / "a-playground.png").read_bytes() == b"drawn by hand"
 
 
+@pytest.mark.parametrize("other", [{"properties": properties(fun=True)}, {"animation": [{"tileid": 0}]}])
+def test_what_was_painted_can_be_erased_where_a_tile_was_added_to_the_tileset_of_the_playground(tmp_path, other):
+    a = write_level(small(), tmp_path / "a.tmj")
+    done(Editor.open(a), cap(3.3)).save()
+    assert read_level(a).cap.values.min() == 3.3
+    document = json.loads(a.read_bytes())
+    document["tilesets"][1]["tiles"].append({"id": 1, **other})
+    a.write_text(json.dumps(document))
+    done(Editor.open(a), cap(0)).save()
+    assert read_level(a).cap is None
+
+
 def test_a_tileset_of_a_game_is_not_taken_for_ours(tmp_path):
     own = {"name": "playground", "image": "slide.png", "columns": 1, "tilecount": 1, "tilewidth": 16, "tileheight": 16}
     document = small()
