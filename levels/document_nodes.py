@@ -23,6 +23,17 @@ def values_of(node, cls):
     return values
 
 
+def without(node, cls, names):
+    """The properties of a node of a class but those of these names, also where one holds all of the class."""
+    kept = []
+    for entry in node.get("properties", []):
+        if is_class(entry, cls) and isinstance(entry["value"], dict):
+            kept.append({**entry, "value": {name: one for name, one in entry["value"].items() if name not in names}})
+        elif entry["name"] not in names:
+            kept.append(entry)
+    return kept
+
+
 def binds_some(node):
     """Whether a brush layer says whom it binds or how strongly: what is painted by hand belongs to none of those."""
     cls = CLASSES["BrushLayer"]

@@ -29,9 +29,10 @@ from flockbrush.engine.recording_format import packed_size
 from flockbrush.engine.state import snapshot_parts, state_hash
 from flockbrush.levels.build import Simulation, build
 from flockbrush.levels.checked_nodes import parsed_document
-from flockbrush.levels.document_nodes import every_layer
+from flockbrush.levels.document_nodes import every_layer, values_of, without
 from flockbrush.levels.libraries import brush_library, recorded_library
 from flockbrush.levels.reader import read_level, read_level_files
+from flockbrush.levels.schema import CLASSES
 from flockbrush.runs.builds import build_of_run
 
 OF_PROGRAMS = ("Event", "SetState", "GiveProgram")  # commands that only animals with a program obey
@@ -128,7 +129,7 @@ def _with_brush(level, library, brush):
             layer["objects"] = [thing for thing in layer["objects"] if not _is_key_of_programs(thing)]
         for thing in layer.get("objects", []):
             if thing["id"] in spawns:
-                others = [entry for entry in thing.get("properties", []) if entry["name"] not in ("brush", "program")]
+                others = without(thing, CLASSES["Spawn"], ("brush", "program"))
                 thing["properties"] = [*others, {"name": "brush", "type": "string", "value": asset.name}]
     files[name] = json.dumps(document).encode()
     files[f"brushes/{asset.name}{SUFFIX}"] = asset.source
@@ -148,7 +149,7 @@ def _brush_given(brush, library):
 
 def _is_key_of_programs(thing):
     """Whether an object gives a command that only animals with a program obey."""
-    return any(p["name"] == "command" and p["value"] in OF_PROGRAMS for p in thing.get("properties", []))
+    return values_of(thing, CLASSES["Key"]).get("command") in OF_PROGRAMS
 
 
 def begin(level, library, seed=None, agents=None) -> Simulation:

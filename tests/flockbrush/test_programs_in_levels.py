@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.program import load_program, save_program, shipped_programs
 from flockbrush.components import Body
+from flockbrush.engine.locks import Advice
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.libraries import library_beside
 from flockbrush.levels.reader import read_level
@@ -75,6 +76,21 @@ def test_a_program_that_is_not_there_or_is_wrong_is_said_with_its_line(tmp_path)
     (tmp_path / "programs" / "own.program.toml").write_text(OWN.replace('"march"', '"mrach"'))
     with pytest.raises(ProblemsError, match="there is no brush 'mrach'"):
         start(path)
+
+
+def test_another_brush_for_a_level_whose_properties_are_one_value_of_a_class(tmp_path):
+    path = level(tmp_path, species="sheep", radius=0.0)
+    document = json.loads(path.read_text())
+    for layer in document["layers"]:
+        for one in layer["objects"]:
+            values = {entry["name"]: entry["value"] for entry in one["properties"]}
+            one["properties"] = [{"name": "all", "type": "class", "propertytype": one["type"], "value": values}]
+    path.write_text(json.dumps(document))
+    with pytest.warns(Advice, match="all animals have the brush swarm, without programs: own left out"):
+        scene = start(path, brush="swarm")
+    assert [(spawn.brush, spawn.program, spawn.count) for spawn in scene.level.spawns] == [("swarm", "", 12)]
+    assert scene.level.script == []
+    scene.close()
 
 
 def test_a_script_puts_animals_into_states(tmp_path):
