@@ -288,9 +288,11 @@ class Editor(CommandStack):
         to = Path(path) if path is not None else self.path
         refuse_xml(to)
         before, saved = self.path, self._saved
-        pictures = self._pictures(to)
-        others = (entry for entry in file_names(self._document.data) if entry[0] not in pictures)
-        moved = carried(others, before, to) | {old: new for old, (new, _) in pictures.items() if new != old}
+        ours = {entry["image"] for entry, _ in self.sheet.tiles.playgrounds()}
+        others = [entry for entry in file_names(self._states()) if entry[0] not in ours]
+        moved = carried(others, before, to)
+        pictures = self._pictures(to, {moved.get(name, name) for name, _ in others})
+        moved |= {old: new for old, (new, _) in pictures.items() if new != old}
         self._moved(str(to), moved)
         try:
             for name, data in pictures.values():
@@ -305,9 +307,7 @@ class Editor(CommandStack):
 
     def _moved(self, path, moved):
         """Take another place for the file; what it names is called as ``moved`` says, also after undo."""
-        steps = [change for step in (*self.done, *self.undone) for change in step.changes or ()]
-        earlier = (value for change in steps if isinstance(change, KeySet) for value in (change.before, change.after))
-        found = chain.from_iterable(map(file_references, (self._document.data, *earlier)))
+        found = file_references(self._states())
         for node, key in {(id(node), key): (node, key) for node, key in found}.values():
             node[key] = moved.get(node[key], node[key])
         files = self.sheet.brush_files
@@ -315,12 +315,18 @@ class Editor(CommandStack):
         self._document.path = Path(path)
         self._saved = self._mark()
 
-    def _pictures(self, to):
+    def _states(self):
+        """The document as it is now, and what undo and redo put into it again."""
+        steps = [change for step in (*self.done, *self.undone) for change in step.changes or ()]
+        sets = [change for change in steps if isinstance(change, KeySet)]
+        return [self._document.data, *(value for change in sets for value in (change.before, change.after))]
+
+    def _pictures(self, to, others):
         """{name: (new name, PNG file)} of what was added here: called as the level, in place of no file of others."""
         ours, pictures = _pictures_in(to), {}
         for entry, meanings in self.sheet.tiles.playgrounds():
             stem, data = f"{to.stem}-{PLAYGROUND}", _picture(meanings, entry, self.library)
-            taken = {name for name, _ in pictures.values()}
+            taken = others | {name for name, _ in pictures.values()}
             now = entry["image"]
             wanted = [now] if now.startswith(stem) and Path(now).name == now else []
             names = chain(wanted, (f"{stem}{k}.png" for k in chain([""], count(2))))

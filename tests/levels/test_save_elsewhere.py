@@ -12,8 +12,8 @@ from flockbrush.levels.document_nodes import file_references
 from flockbrush.levels.editor import Editor
 from flockbrush.levels.level_writer import write_level
 from flockbrush.levels.reader import read_level, read_level_text
-from flockbrush.systems.edits import MarkSpawn, Paint
-from small_level import herd, objects, png, properties, tiles
+from flockbrush.systems.edits import MarkSpawn, Paint, RemoveThing
+from small_level import herd, objects, png, properties, thing, tiles
 
 PICTURE = png(np.full((16, 16, 3), 200, np.uint8))
 ART = {"type": "imagelayer", "name": "sky", "image": "../img/sky.png", "opacity": 1}
@@ -134,6 +134,21 @@ def test_after_undo_a_brush_is_named_from_the_new_folder(tmp_path):
     assert again.spawns[0].brush == "own" and "own/own.brush.toml" in again.files
 
 
+def test_what_undo_brings_back_is_copied_too(tmp_path):
+    own = tmp_path / "a" / "own" / "own.brush.toml"
+    own.parent.mkdir(parents=True)
+    own.write_bytes(MARCH)
+    zone = thing(7, "Zone", 16, 16, 64, 64, brush="own/own.brush.toml")
+    path = write_level(small(tiles(), objects("spawns", herd()), objects("zones", zone)), tmp_path / "a" / "a.tmj")
+    editor = done(Editor.open(path), RemoveThing("zone", 7))
+    to = tmp_path / "b" / "b.tmj"
+    to.parent.mkdir()
+    editor.save(to)
+    editor.undo()
+    editor.save()
+    assert read_level(to).zones[0].brush == "own"
+
+
 # the picture of what was painted in the playground -------------------------------------------------------------------
 
 
@@ -184,6 +199,20 @@ def test_what_was_painted_can_be_erased_where_a_tile_was_added_to_the_tileset_of
     a.write_text(json.dumps(document))
     done(Editor.open(a), cap(0)).save()
     assert read_level(a).cap is None
+
+
+def test_artwork_that_is_called_as_the_picture_is_copied_and_stays(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    (tmp_path / "a" / "b-playground.png").write_bytes(PICTURE)
+    art = {**ART, "image": "b-playground.png"}
+    a = write_level(small(tiles(), objects("spawns", herd()), art), tmp_path / "a" / "a.tmj")
+    b = tmp_path / "b" / "b.tmj"
+    editor = done(Editor.open(a), cap(3.3))
+    for _ in range(2):
+        editor.save(b)
+        assert names(b) == ["b-playground.png", "b-playground2.png"] and playground(b)[0] == "b-playground2.png"
+        assert (tmp_path / "b" / "b-playground.png").read_bytes() == PICTURE
 
 
 def test_a_tileset_of_a_game_is_not_taken_for_ours(tmp_path):
