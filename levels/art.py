@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from flockbrush.engine import limits, picture_decoding
 from flockbrush.levels import geometry
+from flockbrush.levels.checked_nodes import tiles_by_id
 from flockbrush.levels.tile_data import FLIP_FLAGS
 
 _ACROSS, _DOWN, _DIAGONAL = 0x80000000, 0x40000000, 0x20000000
@@ -63,7 +64,7 @@ class TilePictures:
 
     def __init__(self, node, folder, files):
         self.node, self.folder, self.files = node, folder, files
-        self.tiles = {tile["id"]: tile for tile in node.get("tiles", []) if isinstance(tile, dict) and "id" in tile}
+        self.tiles = tiles_by_id(node)
         shift = node.get("tileoffset") or {}
         self.shift = float(shift.get("x", 0)), float(shift.get("y", 0))
 

@@ -6,7 +6,7 @@ import posixpath
 
 import numpy as np
 from flockbrush.levels.art import Art, ArtLayer, ArtObject, TilePictures
-from flockbrush.levels.checked_nodes import dicts, real, text, whole
+from flockbrush.levels.checked_nodes import dicts, real, text, tiles_by_id, whole
 from flockbrush.levels.ground_rules import GroundRules, facts_of
 from flockbrush.levels.layer_reader import is_note
 from flockbrush.levels.level_files import FileRefused
@@ -94,8 +94,8 @@ class ArtReader:
         if tileset.node.get("image"):
             self._read(tileset.folder, tileset.node["image"], place)
         gids = set(numbers)
-        for tile in dicts(tileset.node, "tiles"):
-            if tile.get("id") in gids and tile.get("image"):
+        for number, tile in tiles_by_id(tileset.node).items():
+            if number in gids and tile.get("image"):
                 self._read(tileset.folder, tile["image"], place)
 
     def _read(self, folder, name, place):

@@ -86,3 +86,8 @@ def dicts(node, key):
     """The objects in a list of a document, which may be anything."""
     value = node.get(key)
     return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
+
+
+def tiles_by_id(tileset):
+    """{number: node} of the tiles in a tileset's document, which may be anything."""
+    return {tile["id"]: tile for tile in dicts(tileset, "tiles") if type(tile.get("id")) is int}

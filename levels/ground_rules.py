@@ -19,7 +19,7 @@ from collections import Counter
 
 from flockbrush.engine import limits
 from flockbrush.engine.problems import did_you_mean
-from flockbrush.levels.checked_nodes import dicts
+from flockbrush.levels.checked_nodes import dicts, tiles_by_id
 from flockbrush.levels.properties import Refused, convert
 from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.terrain_kinds import TERRAINS
@@ -152,7 +152,7 @@ def terrains_of(tileset):
 
 def facts_of(tileset):
     """A function (number) -> TileFacts of a tileset's document."""
-    nodes = {node["id"]: node for node in dicts(tileset, "tiles") if type(node.get("id")) is int}
+    nodes = tiles_by_id(tileset)
     terrains = terrains_of(tileset)
     name = tileset.get("name", "")
     return lambda number: TileFacts(name, number, nodes.get(number, {}), terrains.get(number, set()))
@@ -200,7 +200,7 @@ def _why_nothing(condition, there, tilesets):
 
 def _has(tileset, name, numbers):
     """Whether a tileset has this name and one of these tiles."""
-    ids = {tile.get("id") for tile in dicts(tileset, "tiles")}
+    ids = tiles_by_id(tileset)
     return tileset.get("name") == name and any(k < tileset.get("tilecount", 0) or k in ids for k in numbers)
 
 

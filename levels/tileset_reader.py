@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from flockbrush.engine import limits, picture_decoding
 from flockbrush.levels import geometry
-from flockbrush.levels.checked_nodes import class_of, dicts, parsed, text, whole
+from flockbrush.levels.checked_nodes import class_of, parsed, text, tiles_by_id, whole
 from flockbrush.levels.json_lines import Node
 from flockbrush.levels.level_files import FileRefused
 from flockbrush.levels.properties import FilePlace, Values, read_properties, shown
@@ -91,8 +91,7 @@ class TilesetReader:
         if any(t.firstgid == firstgid for t in self.tilesets):
             self.place.say(f"two tilesets begin at tile id {firstgid}, one of them {name[:60]!r}")
         if not entry.get("columns"):
-            ids = [tile.get("id") for tile in dicts(entry, "tiles")]
-            count = max([count, *(number + 1 for number in ids if type(number) is int and number < limits.TILES)])
+            count = max([count, *(number + 1 for number in tiles_by_id(entry) if number < limits.TILES)])
         tiles = self._read_tiles(entry, count, name, folder, place)
         self.tilesets.append(Tileset(firstgid, count, name, alignment, tiles, entry, folder))
         self.tilesets.sort(key=lambda t: t.firstgid)

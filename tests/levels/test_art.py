@@ -261,6 +261,10 @@ class TestRules:
         found = problems(self.told(rule, []))
         assert len(found) == 1 and message in found[0] and "ground_rules: " in found[0]
 
+    @pytest.mark.parametrize("rule", ["tileset own 3 = mud", ""])
+    def test_a_tile_whose_number_is_none_is_told(self, rule):
+        assert "'id' must be a whole number from 0 to 1, got a list" in problems(self.told(rule, [{"id": [1]}]))[0]
+
     @pytest.mark.parametrize(
         ("rule", "message"),
         [
