@@ -17,12 +17,13 @@ from flockbrush.levels.ground_rules import suggested
 from flockbrush.levels.json_lines import JsonError
 from flockbrush.levels.level_files import DiskFiles, FileRefused, project_folder
 from flockbrush.levels.level_writer import dump, write_level
-from flockbrush.levels.properties import FilePlace, Report, Values
+from flockbrush.levels.properties import FilePlace, Refused, Report, Values, convert, read_properties
 from flockbrush.levels.reader import LevelReader, read_level_text
 from flockbrush.levels.schema import CLASSES, GROUP, LAYER_NAMES, SCHEMA
 
 _TILE_LAYERS = {"terrain": 1, "brush": 0.4, "speed": 0.5}  # opacity
 _OBJECT_LAYERS = tuple(name for name in LAYER_NAMES if name not in (*_TILE_LAYERS, "height"))
+_ADDED = ("metres_per_tile", "ground_rules")  # properties, whatever the map has
 _HERD = 30  # animals of the first spawn, at most
 _ROOM = 3.0  # m^2 for each
 _TILESETS = ("terrain", "brushes", "speed")
@@ -135,11 +136,25 @@ def _read(source):
 
 
 def _refuse_others(source, document):
-    properties = {entry.get("name") for entry in document.get("properties", []) if isinstance(entry, dict)}
-    if "schema" in properties or any(node.get("name") == GROUP for node in _nodes(document["layers"])):
+    """A level, and a map with properties of its own that are called as ours and mean something else; ProblemsError."""
+    report, cls = Report(), CLASSES["FlockbrushLevel"]
+    place = FilePlace(report, str(source), document.line, "map")
+    given = read_properties(document, replace(cls, properties=(), open=True), place)
+    if "schema" in given.others or any(node.get("name") == GROUP for node in _nodes(document["layers"])):
         raise refused(
             source, f"is already a level, or has layers named '{GROUP}'; check it with flockbrush level check"
         )
+    for p in cls.properties:
+        if p.name in given.others:
+            try:
+                if p.name in _ADDED:
+                    raise Refused("is added to the map")
+                convert(p, given.others[p.name])
+            except Refused as error:
+                message = f"rename property {p.name!r} of the map, which is one of ours: {p.name} {error}"
+                place.say(message, given.lines[p.name])
+    if report.problems:
+        raise ProblemsError(report.problems)
 
 
 def _nodes(nodes):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 
@@ -228,11 +229,22 @@ class TestRefusals:
         path.write_text(path.read_text().replace("<map ", '<map infinite="1" '))
         assert "Map > Map Properties > Infinite off" in self.refused(cli, path)
 
-    def test_what_is_wrong_with_a_map_names_the_map(self, tmp_path, cli):
-        path, _ = adopted("sewers", tmp_path)
-        wrong = '<properties><property name="boundary" value="nope"/></properties><tileset '
-        path.write_text(path.read_text().replace("<tileset ", wrong, 1))
-        assert "sewers.tmx: map: boundary must be one of wall" in self.refused(cli, path)
+    @pytest.mark.parametrize(
+        ("entry", "message"),
+        [
+            ({"name": "boundary", "value": "nope"}, "rename property 'boundary' of the map, which is"),
+            ({"name": "seed", "value": "abc"}, "rename property 'seed' of the map, which is"),
+            ({"name": "metres_per_tile", "value": 2}, "rename property 'metres_per_tile' of the map, which is o"),
+            ({"name": "ground_rules", "value": "Be kind."}, "rename property 'ground_rules' of the map, which is"),
+            ({"value": 1}, "each of the 'properties' must have a name and a value"),
+        ],
+    )
+    def test_properties_of_a_map_that_are_called_as_ours_are_told_with_their_line(self, entry, message, tmp_path, cli):
+        path = tmp_path / "own.tmj"
+        size = {"width": 4, "height": 4, "tilewidth": 16, "tileheight": 16, "orientation": "orthogonal"}
+        path.write_text(json.dumps({"type": "map", **size, "layers": [], "properties": [entry]}, indent=1))
+        told = self.refused(cli, path)
+        assert re.search(rf"own\.tmj:\d+: map: {re.escape(message)}", told) and told.count("own.tmj:") == 1, told
 
     def test_what_is_there_is_never_written_over(self, tmp_path, cli):
         path, new = adopted("sewers", tmp_path)
