@@ -97,8 +97,7 @@ def learn(
     fps : float, optional
         Frames a second; required for arrays and for files without times.
     body_length : float, optional
-        Of one animal nose to tail, in metres or pixels as the tracks are (of films in metres).  Else what the tracks
-        say, or 1 m.
+        Of one animal, in metres or pixels as the tracks are (of films in metres); else what the tracks say, or 1 m.
     frames : (int, int), optional
         First and last frame to use, both included.
     arena : str, optional
@@ -129,10 +128,9 @@ def learn(
         beside : bool, optional
             Judge it beside the shipped brushes, too; by default, where it is not quick.
         model : str, "auto"
-            "herd", "zones", "morse", "force_map", "topological", "boids" or the name of another model on the ground;
-            "auto" compares those with a likelihood (``result.models``) and learns the herd, or another by which the
-            turns are clearly likelier and whose simulated herds are no farther from the tracks, or "force_map" if its
-            herds are nearest.
+            "herd", "zones", "morse", "force_map", "topological", "boids" or another model on the ground; "auto"
+            compares those with a likelihood (``result.models``) and learns the herd, or another by which turns are
+            clearly likelier and whose herds are no farther from the tracks, or "force_map" if its herds are nearest.
 
     Raises
     ------
@@ -147,7 +145,8 @@ def learn(
     >>> result.parameter("alignment_weight").told  # doctest: +SKIP
     '.098 ± .018'
     """
-    from flockbrush.learning.learn import LearnOptions, learn_brushes
+    from flockbrush.learning.learn import learn_brushes
+    from flockbrush.learning.learn_options import LearnOptions
     from flockbrush.runs.cluster import Tls
 
     given = _given(tracks, name, options)
