@@ -109,7 +109,7 @@ def test_without_lists_of_dangers_each_fears_all_that_its_kind_fears():
     xyz, kind = rng.normal(size=(30, 3)), rng.integers(0, 4, 30)
     fears = np.zeros((4, 4), bool)
     fears[0, 2] = fears[1, 2] = fears[1, 1] = True
-    scene = SimpleNamespace(ids=np.arange(30), xyz=xyz, relations=Kinds(kind, fears, ~fears))
+    scene = SimpleNamespace(ids=np.arange(30), xyz=xyz, relations=Kinds(kind, fears, ~fears), wrap=(0.0, 0.0))
     first, offset = _all_dangers(scene)
     for i in range(30):
         feared = [xyz[j] - xyz[i] for j in range(30) if j != i and fears[kind[i], kind[j]]]

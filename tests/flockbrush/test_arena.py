@@ -200,7 +200,8 @@ def test_work_that_was_kept_is_not_taken_up_in_another_arena(file):
     """A circle and the square about it have the same fields."""
     circle, square = seen_in(file, TANK), seen_in(file, Arena("rectangle", (12.0, 2.0, 28.0, 18.0)))
     np.testing.assert_allclose(circle.fields.density, square.fields.density)
-    kept = {_signature((clip,), Setting.of((clip,), SearchSettings()), 0) for clip in (circle, square)}
+    settings = SearchSettings()
+    kept = {_signature((clip,), Setting.of((clip,), settings), settings) for clip in (circle, square)}
     assert len(kept) == 2
 
 
