@@ -275,9 +275,8 @@ class Evidence:
     sha256: str  # of the clip's file
     fps: float  # frames a second of the fields and sightings
     body_length_px: float  # pixels of the reference picture in one BL
-    length_source: (
-        str  # {"given", "stated", "assumed", "blobs"}; by a person, by the file, usual for the unit, estimated
-    )
+    # {"given", "stated", "assumed", "blobs"}: by a person, by the file, usual for the unit, estimated
+    length_source: str
     radius_bl: float  # half the width of a body over its length
     fields: Fields
     sightings: Sightings | None = None  # None if bodies do not separate

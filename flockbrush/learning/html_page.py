@@ -64,11 +64,12 @@ MARKS = {True: ("✓", "good"), False: ("✗", "bad"), None: ("·", "quiet")}
 
 
 def is_report(path) -> bool:
-    """Whether a file is a page that Flockbrush made: all of them name the program."""
+    """Whether a file is a page that Flockbrush made; earlier ones have the same colours and no mark."""
     try:
-        return b"flockbrush" in Path(path).read_bytes().lower()
+        page = Path(path).read_bytes()
     except OSError:
         return False
+    return any(mark.encode() in page for mark in (MADE_BY, STYLE.strip().splitlines()[0]))
 
 
 class ReportPage:

@@ -127,6 +127,9 @@ def test_a_report_takes_no_place_of_other_files(cli, clips, tmp_path):
     done = cli(*command)
     assert done.code == 1 and "loss.png: would be replaced, but was not written by Flockbrush" in done.err
     assert [path.name for path in report.iterdir()] == ["loss.png"]
+    (report / "report.html").write_text("<p>My notes on flockbrush learn</p>")
+    assert "report.html: would be replaced" in cli(*command).err
+    (report / "report.html").unlink()
     (report / "loss.png").rename(report / "notes.png")
     assert "is empty (0 bytes)" in cli(*command).err and "is empty (0 bytes)" in cli(*command).err
     assert {path.name for path in report.iterdir()} == {"notes.png", "report.html"}
