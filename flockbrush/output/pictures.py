@@ -8,8 +8,6 @@ import numpy as np
 
 from flockbrush.components import Body, Position
 from flockbrush.runs.snapshots import Moment
-from flockbrush.systems.ground_height import heights_of_ground
-from flockbrush.systems.landscape import Landscape
 
 IN_SPACE = (1280, 720)  # pixels of a picture in space
 WORDS = 90  # pixels for title, legend and scale
@@ -18,7 +16,7 @@ WORDS = 90  # pixels for title, legend and scale
 def herd_of(simulation, moment: Moment):
     """The animals of a moment as the painter wants them."""
     from flockbrush.render.drawn_herd import DrawnHerd
-    from flockbrush.render.gaits import Gaits, in_flight, wings_of
+    from flockbrush.render.gaits import Gaits, above_ground, in_flight, wings_of
     from flockbrush.render.leader_marks import LeaderMarks
     from flockbrush.render.mesh_bodies import Postures
     from flockbrush.render.per_run import of_run
@@ -27,7 +25,7 @@ def herd_of(simulation, moment: Moment):
 
     palette, gaits = catalogue_of(simulation.world, labels=()).palette, of_run(Gaits, simulation)
     clip, phase = gaits.of(moment)
-    flying = in_flight(moment, palette)
+    flying = in_flight(simulation.world, moment)
     danger = palette.danger.astype(bool)
     return DrawnHerd(
         xy=moment.xyz[:, :2],
@@ -41,19 +39,12 @@ def herd_of(simulation, moment: Moment):
         brush_names=tuple(palette.names),
         predator=danger[moment.brush] if len(danger) else None,
         ids=moment.ids,
-        z=above_ground(simulation, moment.xyz, moment.length),
+        z=above_ground(simulation.world, moment.xyz, moment.length),
         wings=wings_of(clip, phase, flying) if flying.any() else None,
         up=moment.up,
         postures=Postures(gaits.limbs().look[moment.species], clip, phase),
         wakes=wakes_of(simulation, moment, clip, flying),
     )
-
-
-def above_ground(simulation, xyz, length) -> np.ndarray:
-    """(n,) heights over the ground, m; 0 within half a body length of it, as between two ticks on hills."""
-    land = simulation.world.resource(Landscape)
-    above = xyz[:, 2] - heights_of_ground(land.heights, np.ascontiguousarray(xyz))
-    return np.where(above < 0.5 * length, 0.0, above)
 
 
 def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, elevation=None, clean=False, dust=True):
@@ -78,9 +69,11 @@ def painter_of(simulation, size=None, theme="light", view="plan", azimuth=90.0, 
     painter = SpacePainter(scenery, size or IN_SPACE, theme, **options)
     painter.dust, painter.bare = dust and not clean, clean
     if elevation is None:
+        from flockbrush.render.gaits import above_ground
+
         agents = simulation.agents
         length = agents[Body.length]
-        flying = len(agents) and (above_ground(simulation, agents[Position.xyz], length) > length).mean() > 0.5
+        flying = len(agents) and (above_ground(simulation.world, agents[Position.xyz], length) > length).mean() > 0.5
         elevation = 14.0 if flying else 30.0
     painter.look(replace(painter.camera, azimuth=np.radians(azimuth), elevation=np.radians(elevation)))
     return painter

@@ -11,6 +11,8 @@ import numpy as np
 
 from flockbrush.render.animal_looks import BEAT_ANGLE, CLIPS, GLIDING, LOOKS, mesh_of
 from flockbrush.runs.catalogue import catalogue_of
+from flockbrush.systems.ground_height import heights_of_ground
+from flockbrush.systems.landscape import Landscape
 
 BEAT, FASTEST_BEAT = 3.4, 6.0  # wing beats a second: of a bird 1 m long, and as many as can be seen in a video
 WALKING = 2.0  # body lengths a second: a bird on the ground that is faster flies
@@ -36,12 +38,18 @@ def sizes(vectors) -> np.ndarray:
     return np.sqrt(x * x + y * y + z * z)
 
 
-def in_flight(moment, palette) -> np.ndarray:
+def above_ground(world, xyz, length) -> np.ndarray:
+    """(n,) heights over the ground, m; 0 within half a body length of it, as between two ticks on hills."""
+    above = xyz[:, 2] - heights_of_ground(world.resource(Landscape).heights, np.ascontiguousarray(xyz))
+    return np.where(above < 0.5 * length, 0.0, above)
+
+
+def in_flight(world, moment) -> np.ndarray:
     """(n,) bool: animals whose brush flies and that are above the ground, or too fast for walking."""
-    kinds = palette.flies & ~palette.grounded
+    kinds = catalogue_of(world, labels=()).palette.flies_free
     birds = kinds[moment.brush] if len(kinds) else np.zeros(len(moment), bool)
     fast = sizes(moment.velocity) > WALKING * moment.length
-    return birds & ((moment.xyz[:, 2] > 0) | fast)  # on flat ground who is fast is taken to fly
+    return birds & ((above_ground(world, moment.xyz, moment.length) > 0) | fast)
 
 
 def wings_of(clip, phase, flying) -> np.ndarray:
@@ -114,7 +122,7 @@ class Gaits:
             clip[moves], pace[moves] = number, lengths[moves] / stride[moves]
         swims = limbs.swims[species]
         clip[swims], pace[swims] = SWIM, lengths[swims] / TAIL
-        flying = limbs.flies[species] & in_flight(moment, catalogue_of(self.world, labels=()).palette)
+        flying = limbs.flies[species] & in_flight(self.world, moment)
         self._fly(moment, flying, speed, clip, pace)
         return clip, pace
 

@@ -4,6 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flockbrush.components import Position
+from flockbrush.engine.raster import Raster
+from small_herd import brush, meadow, put
 
 from flockbrush.output.pictures import herd_of
 from flockbrush.render.animal_figures import KINDS, NO_WINGS, figure
@@ -66,6 +69,16 @@ def test_birds_of_a_level_beat_by_the_clock_and_fold_their_wings_where_they_rest
     resting = replace(moment, xyz=moment.xyz * (1, 1, 0), velocity=moment.velocity * 0)
     assert herd_of(geese, resting).wings is None or not np.isfinite(herd_of(geese, resting).wings).any()
     geese.close()
+
+
+@pytest.mark.parametrize("ground", [-30.0, 0.0, 30.0])
+def test_a_slow_bird_flies_where_it_is_above_the_ground_however_high_that_is(ground):
+    goose = brush("own", "line_formation", 14.0, body={"length": 0.8, "radius": 0.16, "contact": "disc"})
+    simulation = meadow(goose, height_map=Raster(1.0, np.full((40, 40), ground)))
+    put(simulation, [(10, 10), (20, 20), (30, 30)], speed=0.0, species="goose")
+    simulation.agents[Position.xyz][:, 2] = ground + np.array([0.0, 0.1, 5.0])
+    wings = herd_of(simulation, moment_of(simulation)).wings
+    assert np.isfinite(wings).tolist() == [False, False, True]
 
 
 def test_sizes_of_vectors_have_the_bits_of_norms():
