@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import posixpath
+from copy import copy
 from dataclasses import dataclass
 
 from flockbrush.engine import limits, picture_decoding
@@ -79,7 +80,7 @@ class TilesetReader:
                 return
             folder = posixpath.dirname(source.replace("\\", "/"))
         if "tilecount" not in entry and entry.get("image"):
-            self._measure_image(entry, folder, place)
+            entry = self._measured(entry, folder, place)
         count = whole(entry, "tilecount", place, 0, limits.TILES)
         if count is None:
             return
@@ -96,8 +97,11 @@ class TilesetReader:
         self.tilesets.append(Tileset(firstgid, count, name, alignment, tiles, entry, folder))
         self.tilesets.sort(key=lambda t: t.firstgid)
 
-    def _measure_image(self, entry, folder, place):
-        """Count the tiles of a tileset's image in old files, which leave that out."""
+    def _measured(self, entry, folder, place):
+        """A tileset of an old file with the size of its image and its number of tiles, which it leaves out.
+
+        The document stays as it is: it may be shared, and the image may be another one when it is read again.
+        """
         name = text(entry, "image", place)
         try:
             size = picture_decoding.picture_size(self.files.read(posixpath.join(folder, name)))
@@ -107,8 +111,10 @@ class TilesetReader:
         if size is None:
             place.say(f"picture {name[:200]!r} is no PNG, JPEG, WebP or BMP")
             size = 1, 1
-        entry["imagewidth"], entry["imageheight"] = size
-        count_tiles(entry)
+        measured = copy(entry)
+        measured["imagewidth"], measured["imageheight"] = size
+        count_tiles(measured)
+        return measured
 
     def kinds(self):
         """{name: TerrainKind} of all terrain tiles; of two with one name the first."""

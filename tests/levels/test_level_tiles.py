@@ -6,6 +6,7 @@ import json
 import tracemalloc
 import zlib
 
+import cv2
 import numpy as np
 import pytest
 from small_level import (
@@ -145,6 +146,16 @@ class TestTiles:
         assert found.terrain.names == ["grass"]
         assert list(found.files) == ["small.tmj", "kinds.tsj"]
         assert "'kinds.tsj': 'kinds.tsj' is not among the recorded files" in problems(document)[0]
+
+    def test_a_tileset_without_a_number_of_tiles_is_measured_whenever_it_is_read(self):
+        old = {"name": "old", "image": "old.png", "tilewidth": 16, "tileheight": 16}
+        files = {"old.tsj": json.dumps(old | {"tiles": tileset()["tiles"]}).encode()}
+        document = level(tiles("terrain", [6] * 100), objects("spawns", herd()))
+        document["tilesets"].append({"firstgid": 6, "source": "old.tsj"})
+        small, large = (cv2.imencode(".png", np.zeros((16, 16 * n, 4), np.uint8))[1].tobytes() for n in (1, 8))
+        assert any("picture 'old.png'" in said for said in problems(document, files))
+        assert "whole number from 0 to 0, got 3" in problems(document, files | {"old.png": small})[-1]
+        assert read(document, files | {"old.png": large}).terrain.names == ["grass"]
 
     def test_a_tileset_that_grew_does_not_swallow_the_next_one(self):
         grown = {"firstgid": 1, **tileset(), "tilecount": 64}
