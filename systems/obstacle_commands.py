@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -63,9 +64,8 @@ class AddObstacle:
         land = world.resource(Landscape)
         polygon = self.polygon(land)
         on_the_map(land, polygon)
-        for glide in land.glides:
-            if glide.name == self.name:  # it goes with it
-                on_the_map(land, polygon + glide.by[:2])
+        for glide in self.ways(land):
+            on_the_map(land, polygon + glide.by[:2])
         need(self.id >= 0, f"id must be at least 0, got {self.id}")
         need(0 <= self.margin <= 1000, f"margin must be 0 to 1000 m, got {self.margin:g}")
         low, high, shape, corners = self.stand(land)
@@ -91,13 +91,25 @@ class AddObstacle:
         need(index is not None, f"obstacle {self.name!r} needs points: there is no obstacle {self.id} in this world")
         return land.obstacles[index].polygon
 
+    def name_before(self, land):
+        """What the one with its id is called; its own name where there is none."""
+        index = by_id(land.obstacles, self.id)
+        return self.name if index is None else land.obstacles[index].name
+
+    def ways(self, land):
+        """The glides that it goes with: those of its name or, where nobody has that name yet, of its name before."""
+        name = self.name if land.find(self.name) else self.name_before(land)
+        return [glide for glide in land.glides if glide.name == name]
+
     def ground_box(self, world):
         land = world.resource(Landscape)
         box, index = box_of(self.polygon(land)), by_id(land.obstacles, self.id)
         return box if index is None else around(box, box_of(land.obstacles[index].polygon))
 
     def touches(self, world):
-        return [TouchedThings("obstacle")]
+        land = world.resource(Landscape)
+        joins = self.name_before(land) != self.name and land.find(self.name)
+        return [TouchedThings("obstacle"), *(halted(land, [by_id(land.obstacles, self.id)]) if joins else [])]
 
     def foresee(self, world):
         """The obstacle, put among the others."""
@@ -112,7 +124,8 @@ class AddObstacle:
     def apply(self, world):
         self.check(world)
         land = world.resource(Landscape)
-        things, before = land.obstacles, list(land.obstacles)
+        things, before, name_before = land.obstacles, list(land.obstacles), self.name_before(land)
+        ways = [replace(glide, name=self.name) for glide in self.ways(land)]
         barrier = self.foresee(world)
         land.rebuild(navigation=False)
         try:
@@ -122,6 +135,9 @@ class AddObstacle:
             things[:] = before
             land.rebuild(navigation=False)
             raise
+        gone = {self.name} | ({name_before} if not land.find(name_before) else set())
+        land.glides = [glide for glide in land.glides if glide.name not in gone]
+        _set_off(land, ways)
         land.navigate_later(world.resource(Clock).tick)
 
 
@@ -202,12 +218,7 @@ class RemoveObstacle:
         return around(*(box_of(things[k].polygon) for k in self.gone(world)))
 
     def touches(self, world):
-        land, gone = world.resource(Landscape), self.gone(world)
-        names = {land.obstacles[k].name for k in gone}
-        gliding = {glide.name for glide in land.glides} & names - {
-            b.name for k, b in enumerate(land.obstacles) if k not in gone
-        }
-        return [TouchedThings("obstacle"), *map(TouchedStand, sorted(gliding))]
+        return [TouchedThings("obstacle"), *halted(world.resource(Landscape), self.gone(world))]
 
     def foresee(self, world):
         land, gone = world.resource(Landscape), self.gone(world)
@@ -235,6 +246,12 @@ class TouchedStand(NamedTuple):
 
     def back(self, world, taken):
         return [] if self.taken(world) == taken else [taken]
+
+
+def halted(land, gone):
+    """`TouchedStand` of the glides that end when the obstacles of these indices no longer have their names."""
+    names = {land.obstacles[k].name for k in gone} - {b.name for k, b in enumerate(land.obstacles) if k not in gone}
+    return [TouchedStand(name) for name in sorted({glide.name for glide in land.glides} & names)]
 
 
 @command

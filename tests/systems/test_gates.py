@@ -9,6 +9,7 @@ from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.systems.commands import AddObstacle, MoveObstacle, RemoveAnimals
 from flockbrush.systems.edits import RemoveThing
 from flockbrush.systems.landscape import PATIENCE
+from flockbrush.systems.obstacle_commands import by_id
 from flockbrush.systems.room import in_the_air
 from small_herd import box, put
 
@@ -150,6 +151,39 @@ def test_what_is_on_its_way_goes_on_when_its_removal_is_undone():
     do(simulation, *back)
     simulation.run(40)
     assert land_of(simulation).find("gate")[0].polygon.mean(0) == pytest.approx((34.0, 20.0))
+
+
+def renamed(simulation, name, number=90):
+    gate = land_of(simulation).obstacles[by_id(land_of(simulation).obstacles, number)]
+    return do(simulation, AddObstacle(name, None, gate.solid, gate.blocks_view, number))
+
+
+def test_what_is_renamed_on_its_way_goes_on():
+    simulation = with_gate(0.0)
+    do(simulation, MoveObstacle("gate", 34.0, 20.0, seconds=2.0))
+    simulation.run(16)
+    back = renamed(simulation, "door")
+    simulation.run(16)
+    do(simulation, *back)
+    assert [glide.name for glide in land_of(simulation).glides] == ["gate"]
+    renamed(simulation, "door")
+    simulation.run(40)
+    assert land_of(simulation).find("door")[0].polygon.mean(0) == pytest.approx((34.0, 20.0))
+    assert land_of(simulation).glides == []
+
+
+@pytest.mark.parametrize("others", ["gate", "fence"])
+def test_undo_of_a_name_puts_glides_back(others):
+    """Of two that move together one is renamed; one that moves gets the name of one that stands."""
+    simulation = with_gate(0.0)
+    do(simulation, AddObstacle(others, box(32, 5, 33, 9).tolist(), id=91))
+    do(simulation, MoveObstacle("gate", 34.0, 20.0, seconds=2.0))
+    simulation.run(16)
+    before = settled(simulation)[0]
+    back = renamed(simulation, "door" if others == "gate" else "fence")
+    assert [glide.name for glide in land_of(simulation).glides] == ["door", "gate"][: 2 * (others == "gate")]
+    do(simulation, *back)
+    assert settled(simulation)[0] == before
 
 
 def test_a_thing_of_no_file_is_removed_by_its_name():
