@@ -60,8 +60,7 @@ def _way_over(rows, steering, bodies, animals, clearance, foresight, need, wante
         fx, fy, reach, low = vx / size, vy / size, foresight * size, xyz[i, 2] - clearance * length[i]
         steepness = _steepness(ground, xyz[i, 0], xyz[i, 1], fx, fy, low, reach)
         need[k] = steepness * size
-        slow = min(max(slowest[i], 0.0, size * most / max(need[k], 1e-9)), size)
-        bx, by, best = fx, fy, steepness
+        slow, bx, by, best = min(max(slowest[i], 0.0), size), fx, fy, steepness
         if steepness * slow > most:
             for step in range(1, 2 * SIDES + 1):
                 side = 1.0 if step % 2 else -1.0
@@ -72,6 +71,8 @@ def _way_over(rows, steering, bodies, animals, clearance, foresight, need, wante
                     bx, by, best = gx, gy, other
                 if best * slow <= MARGIN * most and step % 2 == 0:
                     break
+        else:
+            slow = min(max(slow, size * most / max(need[k], 1e-9)), size)
         wanted[k, 0], wanted[k, 1], wanted[k, 2] = slow * bx, slow * by, min(need[k], most)
 
 

@@ -151,6 +151,24 @@ def test_birds_that_foresee_a_slope_climb_before_they_touch_it():
     assert least > 1.0
 
 
+@pytest.mark.parametrize("speed", [11.0, 14.0])
+def test_birds_climb_straight_on_where_their_slowest_flight_is_slow_enough(speed):
+    """At 14 m/s all have to slow down for this slope, and none at 11 m/s; no rounding makes one turn aside."""
+    heights = np.clip((np.arange(40) * 10.0 + 5 - 100) * 0.2, 0, 60)[None, :].repeat(40, 0)
+    simulation = meadow(
+        brush("fly", "line_formation", **GOOSE), height_map=Raster(10.0, heights), width=400, height=400
+    )
+    places = np.random.default_rng(2).uniform((100, 50), (200, 350), (200, 2))
+    xyz = np.column_stack([places, Raster(10.0, heights).sample(places) + 3.0])
+    put_aloft(simulation, xyz, species="goose", speed=speed)
+    simulation.tick()
+    simulation.agents[Position.xyz][:], simulation.agents[Velocity.xyz][:] = xyz, (speed, 0.0, 0.0)
+    params, rows = drives()["clear_terrain"].Params(foresight=4.0), np.arange(200)
+    urges = drives()["clear_terrain"].urge(scene_of(simulation.world), rows, params)
+    assert (urges.acceleration[:, 1] == 0.0).all()
+    assert ((urges.acceleration[:, 0] < 0.0).all()) == (speed > 12.5)
+
+
 def test_drives_take_their_shares_in_order_and_the_model_gets_the_rest():
     class One:
         def __init__(self, name, urgency):
