@@ -16,6 +16,22 @@ def short_way(offset, wrap):
     return offset - np.multiply(wrap, np.floor(offset / np.array(wrap) + 0.5))
 
 
+_WAYS = np.array([(0, 0), *((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)])
+
+
+def images(points, wrap, reach=0.0):
+    """(k, 2) m: ways to move a thing to wherever on the map it lies, first none at all.
+
+    The thing is within ``reach`` m of points (n, 2); nothing reaches farther than to the next border.
+    """
+    if wrap is None or not wrap[0]:
+        return np.zeros((1, 2))
+    ways, points = _WAYS * np.array(wrap), np.asarray(points, float)
+    here = ((points.min(0) - reach + ways < wrap) & (points.max(0) + reach + ways > 0)).all(axis=1)
+    here[0] = True
+    return ways[here]
+
+
 @kernel_function
 def short_way_(x, y, wrap):
     """`short_way` of one offset, for kernels."""

@@ -229,7 +229,8 @@ class EditedMap(MapObjects):
 
     @do.register
     def _(self, command: Paint):
-        iy, ix, weight = command.cells((self.ny, self.nx), 1 / self.document.scale * self.data["tilewidth"])
+        wraps = values_of(self.data, CLASSES["FlockbrushLevel"]).get("boundary") == "wrap"
+        iy, ix, weight = command.cells((self.ny, self.nx), 1 / self.document.scale * self.data["tilewidth"], wraps)
         self.paint(command.layer, iy, ix, command.value, weight)
 
     @do.register

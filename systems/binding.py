@@ -213,7 +213,7 @@ def with_zones(layers, zones, palette_names, shape, cell, wraps=False):
     for zone in zones:
         if zone.brush:
             raster = np.full(shape, NO_BRUSH, np.int32)
-            raster[rasterise_polygon(zone.polygon, shape, cell)] = palette_names.index(zone.brush)
+            raster[rasterise_polygon(zone.polygon, shape, cell, wraps)] = palette_names.index(zone.brush)
             if zone.bounds.covers:
                 _lay_over(above, _sheet(raster, zone.bounds))
             else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from flockbrush.engine.seam import images
 
 
 def outline_edges(mask):
@@ -40,14 +41,11 @@ def solid_images(obstacles, wrap):
     solid = [obstacle for obstacle in obstacles if obstacle.solid]
     if wrap is None:
         return solid
-    images = []
-    for obstacle in solid:
-        low, high = obstacle.polygon.min(0) - obstacle.margin, obstacle.polygon.max(0) + obstacle.margin
-        for way in ((0, 0), *((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)):
-            by = np.array(way) * wrap
-            if way == (0, 0) or ((low + by < wrap) & (high + by > 0)).all():
-                images.append(replace(obstacle, polygon=obstacle.polygon + by))
-    return images
+    return [
+        replace(obstacle, polygon=obstacle.polygon + way)
+        for obstacle in solid
+        for way in images(obstacle.polygon, wrap, obstacle.margin)
+    ]
 
 
 def across_seam(edges, owner, wrap, reach):

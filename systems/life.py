@@ -140,7 +140,7 @@ class Live(System):
     def _leave(world, leaves):
         land, xyz = world.resource(Landscape), world.agents[Position.xyz]
         for exit in land.exits:
-            leaves |= inside_polygon(xyz, exit.polygon)
+            leaves |= inside_polygon(xyz, exit.polygon, land.wrap)
         if land.boundary == "despawn":
             leaves |= (xyz[:, 0] < 0) | (xyz[:, 1] < 0) | (xyz[:, 0] > land.width) | (xyz[:, 1] > land.height)
 

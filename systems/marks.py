@@ -154,16 +154,16 @@ class MapMarks:
 
     def lay(self, land):
         """Compose what zones say of the ground, and lay it over what is painted."""
-        shape, cell = land.brush.shape, land.cell
-        caps = compose_caps(shape, cell, None, self.factor, None, self.zones)
+        shape, cell, wraps = land.brush.shape, land.cell, land.wrap is not None
+        caps = compose_caps(shape, cell, None, self.factor, None, self.zones, wraps)
         covering = [zone for zone in self.zones if zone.bounds.covers]
-        brush = compose_brushes([], covering, shape, cell, self.names)
+        brush = compose_brushes([], covering, shape, cell, self.names, wraps)
         land.above = Above(brush, caps[..., 1].copy(), caps[..., 0].copy())
         land.transition[:] = BRUSHES_OWN
         for zone in self.zones:
             if zone.brush:
-                land.transition[rasterise_polygon(zone.polygon, shape, cell)] = zone.blend
-        land.sheets = with_zones(self.layers, self.zones, self.names, shape, cell, land.wrap is not None)
+                land.transition[rasterise_polygon(zone.polygon, shape, cell, wraps)] = zone.blend
+        land.sheets = with_zones(self.layers, self.zones, self.names, shape, cell, wraps)
         land.lay_above()
 
     # regions -----------------------------------------------------------------------

@@ -17,7 +17,7 @@ def in_region(name, xyz, land):
     """(n,) bool, who is in a region; nobody where the level has none of that name."""
     inside = np.zeros(len(xyz), bool)
     for polygon in land.marks.regions().get(name, ()):
-        inside |= inside_polygon(xyz, polygon)
+        inside |= inside_polygon(xyz, polygon, land.wrap)
     for goal in land.goals:
         if goal.name == name:
             inside |= in_goal(goal, xyz, land.wrap)
@@ -46,14 +46,16 @@ def entered(world, known):
         The animals of the last tick (`flockbrush.systems.programs.Programs`).  Who was not there enters nothing.
     """
     happened: list[Happening] = []
-    zones, agents = raising(world.resource(Landscape)), world.agents
+    land, agents = world.resource(Landscape), world.agents
+    zones = raising(land)
     if not zones or known is None or not len(known[0]):
         return happened
     now, ids = agents[Position.xyz], known[0]
     at = np.minimum(np.searchsorted(ids, agents.ids), len(ids) - 1)
     there, before = ids[at] == agents.ids, known[1][at]
     for zone in zones:
-        came = there & inside_polygon(now, zone.polygon) & ~inside_polygon(before, zone.polygon)
+        inside, was_inside = (inside_polygon(xyz, zone.polygon, land.wrap) for xyz in (now, before))
+        came = there & inside & ~was_inside
         for row in np.flatnonzero(came).tolist():
             xyz, reach = tuple(now[row].tolist()), zone.event_reach if zone.event_reach >= 0 else math.inf
             alone = int(agents.ids[row]) if zone.event_reach == 0 else 0
@@ -66,7 +68,6 @@ def entered(world, known):
 def in_goal(goal, xyz, wrap=None):
     """(n,) bool, who stands in a goal, on a map that ends at its borders or has a size ``wrap`` and goes on there."""
     if goal.polygon is not None:
-        images = [(0.0, 0.0)] if wrap is None else [(i * wrap[0], k * wrap[1]) for i in (0, -1, 1) for k in (0, -1, 1)]
-        return np.any([inside_polygon(xyz, goal.polygon + np.array(image)) for image in images], axis=0)
+        return inside_polygon(xyz, goal.polygon, wrap)
     off = short_way(xyz[:, :2] - goal.xy, wrap)
     return off[:, 0] ** 2 + off[:, 1] ** 2 <= goal.radius**2

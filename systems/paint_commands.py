@@ -180,9 +180,6 @@ class OnDisc(OnCells):
     def where(self, world):
         return cells_within(world.resource(Landscape), self.x, self.y, self.radius)
 
-    def ground_box(self, world):
-        return self.x - self.radius, self.y - self.radius, self.x + self.radius, self.y + self.radius
-
 
 @command
 class PaintBrush(OnDisc):
@@ -250,9 +247,10 @@ class Paint(OnCells):
         near = all(abs(v) <= FAR for v in (self.x, self.y, self.to_x, self.to_y))
         need(near and len(self.where(world)[0]), off_the_map(land, "the stroke"))
 
-    def cells(self, shape, cell):
+    def cells(self, shape, cell, wraps=False):
         """(iy, ix, weight) of the cells it changes, on a map of this shape."""
-        iy, ix, weight = stroke_cells((self.x, self.y), (self.to_x, self.to_y), self.radius, self.softness, shape, cell)
+        ends = (self.x, self.y), (self.to_x, self.to_y)
+        iy, ix, weight = stroke_cells(*ends, self.radius, self.softness, shape, cell, wraps)
         if self.layer == "cap":
             return iy, ix, weight
         if self.softness > 0:
@@ -263,7 +261,7 @@ class Paint(OnCells):
 
     def where(self, world):
         land = world.resource(Landscape)
-        return self.cells(land.brush.shape, land.cell)
+        return self.cells(land.brush.shape, land.cell, land.wrap is not None)
 
     def apply(self, world):
         iy, ix, weight = self.where(world)

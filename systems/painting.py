@@ -6,13 +6,14 @@ import itertools
 
 import numpy as np
 from flockbrush.engine.noise import Noise
+from flockbrush.engine.seam import images
 
 THIN = 0.71  # cells: a stroke is never thinner than the half diagonal of a cell, so that it always paints something
 _GRAIN = Noise(0)  # the same in every world, for the level file is painted without one
 
 
-def stroke_cells(start, end, radius, softness, shape, cell):
-    """The cells within a radius of a segment.
+def stroke_cells(start, end, radius, softness, shape, cell, wraps=False):
+    """The cells within a radius of a segment, which reaches over the borders of a map that ``wraps``.
 
     Only the cells around the segment are looked at, whatever the size of the map.
 
@@ -35,9 +36,15 @@ def stroke_cells(start, end, radius, softness, shape, cell):
     weight : (k,)
         1 in the core, falling to 0 at the rim.
     """
-    ny, nx = shape
-    radius = max(radius, THIN * cell)
-    (ax, ay), (bx, by) = start, end
+    radius, (ny, nx) = max(radius, THIN * cell), shape
+    ends = np.array([start, end], float)
+    ways = images(ends, (nx * cell, ny * cell) if wraps else None, radius)
+    return joined([_stroke(*(ends + way), radius, softness, shape, cell) for way in ways], nx)
+
+
+def _stroke(start, end, radius, softness, shape, cell):
+    """`stroke_cells` of a segment on a map that ends at its borders."""
+    (ny, nx), (ax, ay), (bx, by) = shape, start, end
     x0, x1 = _span(min(ax, bx) - radius, max(ax, bx) + radius, cell, nx)
     y0, y1 = _span(min(ay, by) - radius, max(ay, by) + radius, cell, ny)
     px, py = (np.arange(x0, x1) + 0.5) * cell - ax, ((np.arange(y0, y1) + 0.5) * cell - ay)[:, None]
@@ -48,6 +55,16 @@ def stroke_cells(start, end, radius, softness, shape, cell):
     iy, ix = np.nonzero(distance <= radius)
     fading = (radius - distance[iy, ix]) / max(softness * radius, 1e-300) if softness > 0 else np.ones(len(iy))
     return iy + y0, ix + x0, np.minimum(fading, 1.0)
+
+
+def joined(parts, nx):
+    """(iy, ix, weight) of cells from several such, each cell once with its greatest weight; row by row of ``nx``."""
+    if len(parts) == 1:
+        return parts[0]
+    iy, ix, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.lexsort((-weight, ix, iy))
+    _, first = np.unique((iy * nx + ix)[order], return_index=True)
+    return tuple(column[order[first]] for column in (iy, ix, weight))
 
 
 def _span(low, high, cell, count):

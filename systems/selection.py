@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from flockbrush.components import Position, Species
 from flockbrush.engine.problems import did_you_mean
-from flockbrush.engine.seam import short_way
+from flockbrush.engine.seam import images, short_way
 from flockbrush.systems.binding import can_do, cannot, cannot_follow
 from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.painting import joined
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.programs import Programs
@@ -81,14 +82,20 @@ def able(world, brush):
 
 
 def cells_within(land, x, y, radius):
-    """(iy, ix) of the cells whose centres lie in a circle."""
+    """(iy, ix) of the cells whose centres lie in a circle, which reaches over the borders of a map that wraps."""
+    ways = images([(x, y)], land.wrap, radius)
+    return joined([_in_circle(land, x + dx, y + dy, radius) for dx, dy in ways], land.brush.shape[1])[:2]
+
+
+def _in_circle(land, x, y, radius):
+    """(iy, ix, 1) of the cells of a map that ends at its borders."""
     c = land.cell
     ny, nx = land.brush.shape
     x0, x1 = max(0, int((x - radius) / c)), min(nx, int((x + radius) / c) + 1)
     y0, y1 = max(0, int((y - radius) / c)), min(ny, int((y + radius) / c) + 1)
     cx, cy = (np.arange(x0, x1) + 0.5) * c - x, (np.arange(y0, y1) + 0.5) * c - y
     iy, ix = np.nonzero(cy[:, None] ** 2 + cx**2 <= radius**2)
-    return iy + y0, ix + x0
+    return iy + y0, ix + x0, np.ones(len(iy))
 
 
 def selected(world, x, y, radius, species):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.engine.maths import sincos_
 from flockbrush.engine.noise import uniform_
+from flockbrush.engine.seam import images
 from flockbrush.systems.contact import edge_segment_, edges_near, nearest_of_segments_
 from flockbrush.systems.terrain import point_in_polygon
 from flockbrush.systems.visibility import Edges
@@ -247,13 +248,19 @@ def touching(xyz, forward, half, radius, edges):
     return out
 
 
-@njit(cache=True, nogil=True)
-def inside_polygon(xyz, polygon):
-    """(n,) bool, who stands in a polygon (k, 2)."""
-    out = np.empty(len(xyz), np.bool_)
-    for i in range(len(xyz)):
-        out[i] = point_in_polygon(xyz[i, 0], xyz[i, 1], polygon)
+def inside_polygon(xyz, polygon, wrap=None):
+    """(n,) bool, who stands in a polygon (k, 2) m, which reaches over the borders of a map of size ``wrap``."""
+    out = np.zeros(len(xyz), np.bool_)
+    for way in images(polygon, wrap):
+        _inside_too(xyz, polygon + way, out)
     return out
+
+
+@njit(cache=True, nogil=True)
+def _inside_too(xyz, polygon, out):
+    """Note who stands in a polygon."""
+    for i in range(len(xyz)):
+        out[i] |= point_in_polygon(xyz[i, 0], xyz[i, 1], polygon)
 
 
 @njit(cache=True, nogil=True)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from flockbrush.engine.maths import exp_, kernel_function
 from flockbrush.engine.raster import corners_
+from flockbrush.engine.seam import images
 from numba import njit
 
 NO_BRUSH = -1
@@ -98,7 +99,7 @@ def slope_factor_(rise):
 # When a level is built or painted ------------------------------------------------------------------------------
 
 
-def compose_brushes(layers, zones, shape, cell, palette):
+def compose_brushes(layers, zones, shape, cell, palette, wraps=False):
     """The brush of every cell.
 
     The painted layer of the greatest weight (opacity) wins, the later of two equal ones; a layer of weight 0 is
@@ -117,6 +118,8 @@ def compose_brushes(layers, zones, shape, cell, palette):
         Size of a cell, m.
     palette : sequence of str
         Names of the brushes, in the order of their index.
+    wraps : bool
+        The map goes on at the opposite border, and so do zones.
 
     Returns
     -------
@@ -134,7 +137,8 @@ def compose_brushes(layers, zones, shape, cell, palette):
         weight[over] = layer.weight
     for zone in zones:
         if zone.brush:
-            brush[rasterise_polygon(zone.polygon, shape, cell)] = _index_of(zone.brush, palette, f"zone {zone.name!r}")
+            inside = rasterise_polygon(zone.polygon, shape, cell, wraps)
+            brush[inside] = _index_of(zone.brush, palette, f"zone {zone.name!r}")
     return brush
 
 
@@ -144,7 +148,7 @@ def _index_of(name, palette, where):
     return list(palette).index(name)
 
 
-def compose_caps(shape, cell, speed_factor=None, factor=None, cap=None, zones=()):
+def compose_caps(shape, cell, speed_factor=None, factor=None, cap=None, zones=(), wraps=False):
     """Speed factor and cap in every cell: factors multiply, the smallest cap holds.
 
     Parameters
@@ -159,6 +163,8 @@ def compose_caps(shape, cell, speed_factor=None, factor=None, cap=None, zones=()
         Painted, m/s; infinite for none.
     zones : sequence
         Objects with ``polygon`` (k, 2) m, ``max_speed`` (m/s or None) and ``factor`` (or None).
+    wraps : bool
+        The map goes on at the opposite border, and so do zones.
 
     Returns
     -------
@@ -172,7 +178,7 @@ def compose_caps(shape, cell, speed_factor=None, factor=None, cap=None, zones=()
     for zone in zones:
         if zone.max_speed is None and zone.factor is None:
             continue
-        inside = rasterise_polygon(zone.polygon, shape, cell)
+        inside = rasterise_polygon(zone.polygon, shape, cell, wraps)
         if zone.factor is not None:
             surface[inside, 0] *= zone.factor
         if zone.max_speed is not None:
@@ -354,10 +360,16 @@ def point_in_polygon(x, y, polygon):
     return inside
 
 
-def rasterise_polygon(polygon, shape, cell):
-    """(ny, nx) bool, the cells whose centre is `point_in_polygon` of a polygon (k, 2), m."""
-    polygon = np.ascontiguousarray(polygon, np.float64).reshape(-1, 2)
-    return rasterise_(polygon, shape[0], shape[1], float(cell))
+def rasterise_polygon(polygon, shape, cell, wraps=False):
+    """(ny, nx) bool, the cells whose centre is `point_in_polygon` of a polygon (k, 2), m.
+
+    It reaches over the borders of a map that ``wraps``.
+    """
+    polygon, (ny, nx) = np.ascontiguousarray(polygon, np.float64).reshape(-1, 2), shape
+    mask = np.zeros(shape, np.bool_)
+    for way in images(polygon, (nx * cell, ny * cell) if wraps else None):
+        mask |= rasterise_(polygon + way, ny, nx, float(cell))
+    return mask
 
 
 @njit(cache=True, nogil=True)

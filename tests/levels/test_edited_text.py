@@ -17,7 +17,7 @@ from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, Pla
 from flockbrush.systems.mark_commands import DrawZone
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_level import GRASS, MARCH, SLOW, herd, objects, polyline, thing, tiles
+from small_level import GRASS, MARCH, SLOW, herd, objects, polyline, properties, thing, tiles
 
 # to the byte ----------------------------------------------------------------------------------------
 
@@ -165,6 +165,17 @@ def test_missing_layers_are_added_with_what_they_are_for():
     assert found.brush_layers[0].assets == ["march"]
     assert found.guides[0].points.tolist() == [[1, 1], [9, 9]]
     assert found.goals[0].name == "pen"
+
+
+@pytest.mark.parametrize("boundary", ["wall", "wrap"])
+def test_a_stroke_over_the_border_of_a_periodic_map_is_saved_on_both_sides(boundary):
+    edit = editor(properties=properties(schema="flockbrush-level/1", metres_per_tile=2.0, boundary=boundary))
+    stroke = Paint("brush", "march", 19.0, 5.0, 19.5, 5.0, 3.0)
+    world = build(read(edit)).world
+    done(edit, stroke)
+    painted = read(edit).brush_layers[0].index >= 0
+    assert painted[2].tolist() == [boundary == "wrap", *[False] * 7, True, True]
+    assert sorted(zip(*np.nonzero(painted), strict=True)) == sorted(zip(*stroke.where(world)[:2], strict=True))
 
 
 def test_a_level_without_ground_gets_it_below_all_other_layers():

@@ -7,14 +7,20 @@ from flockbrush.behaviours.drive import drives
 from flockbrush.components import Alarm, FormationPlace, Heading, Position, Velocity
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.seam import short_way
+from flockbrush.systems.edits import Paint, PlaceExit
 from flockbrush.systems.far_sight import sees_place
 from flockbrush.systems.foresight import Ahead
 from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
+from flockbrush.systems.named_regions import in_region
+from flockbrush.systems.paint_commands import PaintBrush
 from flockbrush.systems.program_senses import WorldSenses
 from flockbrush.systems.programs import Programs
 from flockbrush.systems.terrain import relief_of, steepness_of
 from small_herd import box, brush, meadow, obstacle, put, put_aloft, straight
+
+from flockbrush.runs.level_counts import Counts
 
 SIZE = np.array([64.0, 48.0])
 Y, X = np.mgrid[:48, :64] + 0.5
@@ -180,6 +186,50 @@ def test_a_wall_beyond_the_border_is_foreseen_from_farther_than_anybody_sees(shi
     put(simulation, seam(shift)(0.0), 0.0)
     simulation.run(8)
     assert abs(simulation.agents[Heading.forward][0, 1]) > 0.3
+
+
+# what is drawn
+
+L = np.array([(-6.0, -5.0), (5.0, -5.0), (5.0, 1.0), (0.0, 1.0), (0.0, 6.0), (-6.0, 6.0)])
+
+
+def drawn(shift):
+    """(rasters, who is in what, crossings) of things in the middle of a map that is shifted; all shifted back."""
+    middle = np.array([32.0, 24.0]) + shift
+    simulation = on_the_torus(straight(), straight("stand", mean=0.0))
+    land, points = simulation.world.resource(Landscape), (L + middle).tolist()
+    for command in (
+        DrawZone(1, "zone", points, "stand", 2.0, 0.5, 3.0),
+        DrawZone(2, "soft", (L + middle + 3.0).tolist(), "stand", edge=2.0, share=True),
+        Paint("cap", 1.0, *(middle - (9, 0)), *(middle + (12, 9)), 3.0, 0.5),
+        PaintBrush("stand", *(middle + 8), 4.0),
+        PlaceExit(3, "exit", points),
+        DrawArea(4, "area", points),
+        DrawLine(5, "line", (L + middle).tolist()),
+    ):
+        simulation.submit(command)
+    xy = np.mod(np.array([(x, y) for x in np.arange(-8, 8, 1.5) for y in np.arange(-8, 8, 1.5)]) + middle, SIZE)
+    put(simulation, xy, 0.0, brush="straight", speed=2.0)
+    simulation.tick()
+    counts = Counts(simulation)
+    for k in range(2):
+        simulation.agents[Position.xyz][:, :2] = np.mod(xy[: len(simulation.agents)] + (0.7 * k, 0.0), SIZE)
+        counts.take()
+    sheet = land.sheets.mixing[0]
+    rasters = *land.surface.transpose(2, 0, 1), land.brush, land.transition, sheet.weight, sheet.brush
+    rasters = [np.roll(raster, -np.array(shift[::-1]), (0, 1)) for raster in rasters]
+    return rasters, in_region("zone", xy, land), counts.values(), len(simulation.agents)
+
+
+@pytest.mark.parametrize("shift", [(32, 0), (-30, 22), (32, 25)])
+def test_what_is_drawn_reaches_over_the_border(shift):
+    (here, inside, counts, left), there = drawn((0, 0)), drawn(shift)
+    for a, b in zip(here, there[0], strict=True):
+        np.testing.assert_allclose(b, a, atol=1e-12)
+        assert len(np.unique(a)) > 1
+    assert np.array_equal(inside, there[1]) and 0 < inside.sum() < len(inside)
+    assert counts == there[2] and min(counts[f"crossed line to its {side}"] for side in ("left", "right")) > 0
+    assert left == there[3] < len(inside)
 
 
 # where to

@@ -36,8 +36,7 @@ class Painting(Stroke):
         if app.is_off_map(start, stop, app.size):
             return
         what = Paint(self.layer, self.value(), *start, *stop, app.size, app.softness)
-        land = app.session.simulation.world.resource(Landscape)
-        if not len(what.cells(land.brush.shape, land.cell)[0]):
+        if not len(what.where(app.session.simulation.world)[0]):
             return  # between the last cells and the rim of the map
         app.do(f"paint {LAYERS[self.layer]}", [*self.needed(), what], self.join)
 
