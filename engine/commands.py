@@ -49,8 +49,8 @@ def command(cls):
     What cannot be done raises a ValueError or a LookupError before anything has been changed.  A command may also
     have a ``check(world)`` that raises for what can be known beforehand, such as the name of a brush, and a
     ``touches(world)``: the parts of the world that it changes, so that it can be undone (see `Commands.perform`).
-    Both ``touches`` and ``apply`` begin with the check.  A ``foresee(world)`` changes the lists of level things as
-    ``apply`` will, and nothing else: scripts are checked by it in the order of their times.
+    Both ``touches`` and ``apply`` begin with the check.  A ``foresee(world)`` changes the lists of level things, the
+    brushes and the programs as ``apply`` will, and nothing else: scripts are checked by it in the order of their times.
     Its fields must be numbers, strings, booleans, None, or lists and dicts of those, so that a
     recording can hold them as JSON.
 

@@ -253,7 +253,11 @@ def brushes_used(level):
     names = {spawn.brush for spawn in level.spawns}
     names |= {name for layer in level.brush_layers for name in layer.assets}
     names |= {zone.brush for zone in level.zones if zone.brush}
-    names |= {key.args["brush"] for key in level.script if key.args.get("brush")}
+    brought = [(key.args.get("name"), key.at) for key in level.script if key.command == "UseBrush"]
+    for key in level.script:
+        name = key.args.get("brush")
+        if name and not any(other == name and at <= key.at for other, at in brought):
+            names.add(name)
     names |= {brush for program in level.programs.values() for brush in program.brushes}
     return sorted(names)
 
@@ -363,6 +367,8 @@ def _no_room(level, spawn, full):
 
 
 def _queue_script(simulation, level):
+    if not level.script:
+        return
     world, given, problems = simulation.world, {}, []
     with rehearsal(world):  # what can be known before the run is said before the run
         for k, key in sorted(enumerate(level.script), key=lambda entry: tick_at(entry[1].at, DT)):

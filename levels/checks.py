@@ -241,7 +241,8 @@ class _Checks:
     def named(self, key, place, lines):
         """What a command names must exist."""
         goals = [*(goal.name for goal in self.level.goals), *self.brought("name", "PlaceGoal")]
-        for name, known in (("brush", self.library.names()), ("goal", goals), ("species", self.species())):
+        brushes = [*self.library.names(), *self.brought("name", "UseBrush")]
+        for name, known in (("brush", brushes), ("goal", goals), ("species", self.species())):
             value = key.args.get(name)
             if isinstance(value, str) and value and value not in known:
                 place.say(f"{name}: there is no {name} {value[:60]!r}{did_you_mean(value, known)}", lines.get(name))

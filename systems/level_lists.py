@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import replace
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -11,6 +12,8 @@ from typing import Any, NamedTuple
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import Nursery
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.programs import Programs
 
 
 class ThingKind(NamedTuple):
@@ -44,13 +47,20 @@ def lists_of(world, kind):
 
 @contextmanager
 def rehearsal(world):
-    """What a script is checked in: lists of things and species that `foreseen` commands change, and that come back."""
+    """What a script is checked in: things, species, brushes and programs that `foreseen` commands change, and that
+    come back."""
+    kept = [world.resource(kind) for kind in (Palette, Programs)]
     lists = [things for kind in KINDS for things in lists_of(world, kind)]
     lists += [world.resource(Nursery).born, world.resource(SpeciesList).names]
     before = [list(things) for things in lists]
+    for resource in kept:
+        twin = world.insert(copy(resource))
+        twin.set_state(resource.state())
     try:
         yield
     finally:
+        for resource in kept:
+            world.insert(resource)
         for things, kept in zip(lists, before, strict=True):
             things[:] = kept
 

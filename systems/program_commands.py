@@ -213,6 +213,9 @@ class UseProgram:
     def touches(self, world):
         return [TouchedProgram(self.name)]
 
+    def foresee(self, world):
+        world.resource(Programs).put(self.program(world))
+
     def apply(self, world):
         replace_program(world, self.program(world))
         if self.counts is not None:

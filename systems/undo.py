@@ -339,11 +339,15 @@ class UseBrush:
     def touches(self, world):
         return [TouchedBrushes()]
 
+    def foresee(self, world):
+        world.resource(Palette).add(self.brush())
+
     def apply(self, world):
-        palette, land, length = world.resource(Palette), world.resource(Landscape), world.agents[Body.length]
-        palette.add(self.brush())
+        self.foresee(world)
+        length = world.agents[Body.length]
         if len(length):
-            land.see_to(float(length.max() * palette.view_range.max()))
+            farthest = float(length.max() * world.resource(Palette).view_range.max())
+            world.resource(Landscape).see_to(farthest)
 
 
 @command
@@ -387,8 +391,11 @@ class MixBrush:
     def touches(self, world):
         return [TouchedBrushes()]
 
-    def apply(self, world):
+    def foresee(self, world):
         world.resource(Palette).mix(self.name, self.paths)
+
+    def apply(self, world):
+        self.foresee(world)
 
 
 @command

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import Body, BrushBinding, Destination, Ground, Heading, Position, Species, Speed, Velocity
 from flockbrush.engine.clock import Clock
@@ -23,6 +24,7 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from small_herd import Shelf, box, brush, level, obstacle, spawn, straight, xy_of
+from small_program import two_states
 
 from flockbrush import levels
 
@@ -150,6 +152,8 @@ SQUARE = [[20.0, 20.0], [22.0, 20.0], [22.0, 22.0], [20.0, 22.0]]
 GATE = {"name": "gate", "points": SQUARE}
 PLACE = {"name": "there", "x": 9.0, "y": 9.0}
 COME = {"brush": "walk", "x": 30.0, "y": 30.0, "radius": 4.0, "species": "goat"}
+NEW_BRUSH = {"name": "new", "source": shipped().get("march").source.decode()}
+PROGRAM = {"name": "small", "source": two_states('{ event = "go" }').source.decode()}
 
 
 @pytest.mark.parametrize(
@@ -160,6 +164,8 @@ COME = {"brush": "walk", "x": 30.0, "y": 30.0, "radius": 4.0, "species": "goat"}
         (key("PlaceGoal", **PLACE), key("SendTo", goal="there")),
         (key("PlaceGoal", **PLACE), key("MoveGoal", goal="there", x=5.0, y=5.0)),
         (key("AddAnimals", **COME), key("RemoveAnimals", species="goat", x=0.0, y=0.0, radius=0.0)),
+        (key("UseProgram", **PROGRAM), key("GiveProgram", program="small")),
+        (key("UseProgram", **PROGRAM), key("Event", name="go")),
     ],
 )
 def test_a_key_may_be_about_what_an_earlier_one_brings(keys):
@@ -169,8 +175,20 @@ def test_a_key_may_be_about_what_an_earlier_one_brings(keys):
     assert not land.obstacles and not land.goals and simulation.world.resource(SpeciesList).names == ["animal"]
     simulation.run(24)
     simulation.close()
-    with pytest.raises(ProblemsError, match="there is no (obstacle 'gate'|goal 'there'|species 'goat')"):
+    with pytest.raises(ProblemsError, match="there is no (obsta|goal|species)|no program"):
         build(level(spawns=animals, script=timed(*reversed(keys))), library=SHELF)
+
+
+def test_a_key_may_name_a_brush_that_an_earlier_one_brings():
+    animals, use = [spawn(box(1, 1, 9, 9), "walk", 3)], key("UseBrush", **NEW_BRUSH)
+    come = key("AddAnimals", **COME | {"brush": "new"})
+    for script in (timed(use, come), timed(use, key("MixBrush", name="new", paths={}))):
+        simulation = build(level(spawns=animals, script=script), library=SHELF)
+        assert simulation.world.resource(Palette).names == ["walk"]
+        simulation.run(24)
+        assert "new" in simulation.world.resource(Palette).names
+        simulation.close()
+    assert brushes_used(level(spawns=animals, script=timed(come, use))) == ["new", "walk"]
 
 
 @pytest.mark.parametrize("last", ["MoveObstacle", "RemoveObstacle"])

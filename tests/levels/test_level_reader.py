@@ -362,7 +362,7 @@ class TestScript:
         added = {"command": "AddAnimals", "brush": "march", "radius": 5.0, "species": "aminal"}
         assert told(values, added) == ""
 
-    def test_a_key_may_name_a_goal_that_an_earlier_one_places_as_a_point(self):
+    def test_a_key_may_name_a_goal_or_a_brush_that_an_earlier_one_brings(self):
         def read_with(*script, **drawn):
             told = [{"properties": properties(**values)} for values in script]
             keys = [thing(k, "Key", 80, 80, extra=drawn | one) for k, one in enumerate(told, 2)]
@@ -377,6 +377,10 @@ class TestScript:
             read_with(send, point=True)
         with pytest.raises(ProblemsError, match="AddObstacle needs an area or a line"):
             read_with({"command": "AddObstacle", "name": "gate"}, point=True)
+        come = {"at": 0.5, "command": "AddAnimals", "brush": "new", "radius": 4.0}
+        assert read_with({"at": 0.2, "command": "UseBrush", "name": "new", "source": "schema"}, come, point=True)
+        with pytest.raises(ProblemsError, match="brush: there is no brush 'new'"):
+            read_with(come, point=True)
 
 
 class TestNoLevel:

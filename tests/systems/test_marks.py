@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from edited_scene import do, land_of
+from flockbrush.behaviours.brush import shipped
 from flockbrush.components import BrushBinding
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.state import restore, snapshot, state_hash
@@ -12,12 +13,16 @@ from flockbrush.systems.edits import RemoveThing, as_command
 from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone, PlaceKey
 from flockbrush.systems.marks import Key
 from flockbrush.systems.named_regions import in_region
+from flockbrush.systems.palette import Palette
+from flockbrush.systems.programs import Programs
 from small_herd import Shelf, box, brush, level, spawn, straight
+from small_program import two_states
 
 from flockbrush.runs.level_counts import Counts
 
 CALM, RUN = straight("calm", mean=1.0), brush("run", mean=2.0)
 HERE = box(8, 8, 20, 20)
+PROGRAM = two_states('{ event = "go" }').source.decode()
 
 
 def field(**things):
@@ -95,6 +100,23 @@ def test_a_key_may_be_about_what_an_earlier_key_brings():
         do(simulation, PlaceKey(41, "key", 0.05, "MoveObstacle", {"name": "gate"}, 25.0, 25.0))
     do(simulation, *back)
     assert state_hash(simulation.world) == before
+
+
+def test_a_key_may_name_a_brush_or_a_program_that_an_earlier_key_brings():
+    simulation, name = field(), "new"
+    palette = simulation.world.resource(Palette)
+    source = shipped().get("march").source.decode()
+    brings = PlaceKey(40, "key", 0.1, "UseBrush", {"name": name, "source": source}, 1, 1)
+    programs = PlaceKey(42, "key", 0.2, "UseProgram", {"name": name, "source": PROGRAM}, 1, 1)
+    come = PlaceKey(41, "key", 0.3, "AddAnimals", {"brush": name, "radius": 3.0, "program": name}, 31.0, 31.0)
+    for missing in (f"no brush '{name}'", f"no program '{name}'"):
+        with pytest.raises(CommandError, match=missing):
+            do(simulation, come)
+        do(simulation, brings)
+    do(simulation, programs, come)
+    assert simulation.world.resource(Palette) is palette and palette.names == ["calm", "run"]
+    simulation.run(16)
+    assert palette.names == ["calm", "run", name] and simulation.world.resource(Programs).names == [name]
 
 
 def test_keys_are_moved_and_brought_back_whatever_has_become_of_what_they_are_about():
