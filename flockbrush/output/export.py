@@ -79,7 +79,7 @@ class Exports:
     def __init__(self, paths, simulation, fps=None, edits=None, **options):
         ticks = 1 / simulation.world.resource(Clock).dt
         if fps is not None and not 0 < fps <= ticks:
-            raise refused("--fps", f"must be above 0 and at most {ticks:g} (ticks per second), got {fps:g}")
+            raise refused("fps", f"must be above 0 and at most {ticks:g} (ticks per second), got {fps:g}")
         if problems := output_problems(paths, simulation.inputs(paths)):
             raise ProblemsError(problems)
         self._pairs, self._edits = [], edits

@@ -140,9 +140,8 @@ def _security(address, tls):
 
 def _needs(address, tls):
     """A hint about missing certificates for an encrypted scheduler."""
-    return (
-        " without --tls-ca, --tls-cert and --tls-key" if address.startswith("tls://") and tls in (None, Tls()) else ""
-    )
+    plain = tls in (None, Tls()) and address.startswith("tls://")
+    return " without certificates (--tls-ca, --tls-cert and --tls-key, or the settings of Dask)" if plain else ""
 
 
 def _silence(*libraries):

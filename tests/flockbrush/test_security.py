@@ -126,7 +126,8 @@ def test_a_sweep_runs_on_an_encrypted_cluster_and_nobody_else_gets_in(cli, certi
         refused = other_process(*words, tmp_path / "no")
         assert refused.returncode == 1
         said = f"{address}: no Dask scheduler answers at this address"
-        assert f"{said} without --tls-ca, --tls-cert and --tls-key: " in refused.stderr
+        hint = "without certificates (--tls-ca, --tls-cert and --tls-key, or the settings of Dask)"
+        assert f"{said} {hint}: " in refused.stderr
         assert "Traceback" not in refused.stderr and "Exception ignored" not in refused.stderr
         refused = cli(*words, tmp_path / "no", *tls(theirs))
         assert refused.code == 1 and f"{said}: " in refused.err and "Exception ignored" not in refused.err

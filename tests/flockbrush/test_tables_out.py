@@ -124,3 +124,6 @@ def test_a_recording_is_a_dataframe_and_a_dataset(recording, lived):
     pytest.importorskip("xarray")
     pytest.importorskip("netCDF4")
     assert run.to_xarray(fps=4).position.shape == (6, 3, 1, 24)
+    for made in (run.to_dataframe, run.to_xarray):
+        with pytest.raises(flockbrush.ProblemsError, match="^fps: must be above 0 and at most 32"):
+            made(fps=100)
