@@ -85,6 +85,11 @@ class Expectation(_Spec):
             raise ValueError("mean must be [lowest, highest]")
         return self
 
+    def is_about(self, parameters) -> bool:
+        """Whether the scenario with these parameters is checked: where they fit and, with more_than, are changed."""
+        fits = all(parameters.get(name) == value for name, value in self.where.items())
+        return fits and (self.more_than is None or parameters | self.more_than != parameters)
+
 
 class Plot(_Spec):
     """How means are drawn."""
@@ -310,6 +315,7 @@ def _loose_ends(toml, sweep):
     problems = []
     measures, varied = sweep.measures, sweep.varied
     for k, expectation in enumerate(sweep.expect):
+        known = len(problems)
         if expectation.measure.split("=")[0] not in measures:
             hint = did_you_mean(expectation.measure, measures)
             problems.append(
@@ -324,6 +330,9 @@ def _loose_ends(toml, sweep):
                     problems.append(
                         toml.problem(path, f"is never {shown(value)}; it is {', '.join(map(str, varied[name]))}")
                     )
+        if len(problems) == known and not any(expectation.is_about(scenario.varied) for scenario in sweep.scenarios):
+            message = "compares scenarios with themselves alone; it must have a value that they do not have already"
+            problems.append(toml.problem(("expect", k, "more_than"), message))
     for key in ("across", "lines"):
         name = getattr(sweep.plot, key)
         if name is not None and name not in varied:

@@ -122,7 +122,7 @@ def _kept(expectation, scenarios):
     """One line for each scenario that an expectation speaks of."""
     for scenario in scenarios:
         parameters = scenario["parameters"]
-        if not _fits(parameters, expectation.where):
+        if not expectation.is_about(parameters):
             continue
         mean = mean_of(scenario, expectation.measure)
         line = {"measure": expectation.measure, "parameters": parameters, "mean": mean}
@@ -131,14 +131,9 @@ def _kept(expectation, scenarios):
             yield line | {"expected": f"{low:g} to {high:g}", "kept": bool(low <= mean <= high)}
             continue
         other = parameters | expectation.more_than
-        twin = next((s for s in scenarios if s["parameters"] == other), None)
-        if twin is not None and twin is not scenario:
-            least = mean_of(twin, expectation.measure)
-            expectations = ", ".join(
-                f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
-                for name, value in expectation.more_than.items()
-            )
-            yield line | {"expected": f"more than {least:.4g} ({expectations})", "kept": bool(mean > least)}
+        least = mean_of(next(s for s in scenarios if s["parameters"] == other), expectation.measure)
+        changed = ", ".join(f"{name} {_plain(value)}" for name, value in expectation.more_than.items())
+        yield line | {"expected": f"more than {least:.4g} ({changed})", "kept": bool(mean > least)}
 
 
 # for people ------------------------------------------------------------------------------

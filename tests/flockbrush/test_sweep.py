@@ -83,6 +83,8 @@ def test_seeds_may_be_listed_one_by_one():
         ),
         ("angle = 180 }", "angle = 175 }", "18: expect[0].where.angle: is never 175; it is 180, 170"),
         ("mean = [0.5, 1.5]", "", "16: expect[0]: must have either mean or more_than"),
+        ("mean = [0.5, 1.5]", "more_than = { angle = 180 }", "19: expect[0].more_than: compares scenarios with thems"),
+        ("mean = [0.5, 1.5]", "more_than = {}", "19: expect[0].more_than: compares scenarios with themselves alone"),
         (
             '"flockbrush.sweep/1"',
             '"flockbrush.sweep/2"',
