@@ -206,7 +206,7 @@ class Journal:
                     break
                 row = _row(line)
                 if row is None:
-                    message = "is not a row of a sweep; choose another folder with --out"
+                    message = "is not a row of a sweep; choose another folder"
                     raise ProblemsError([Problem(str(self.path), number, None, message)])
                 if "build" in row:
                     self.build = row["build"]
@@ -227,7 +227,7 @@ class Journal:
         """
         apart = differences(self.build, build)
         if self.rows and "code" in apart:
-            raise refused(self.path, f"its {len(self.rows):,} runs were made by {apart['code']}; choose another --out")
+            raise refused(self.path, f"its {len(self.rows):,} runs were made by {apart['code']}; choose another folder")
         if self.rows and "libraries" in apart:
             say(f"{self.path}: begun with {apart['libraries']}: its runs may differ in the last bits")
         if apart:
@@ -293,12 +293,14 @@ def jobs_of(sweep: Sweep, journal: Journal) -> Iterator[SweepJob]:
 
 def runs_done(sweep: Sweep, journal: Journal) -> int:
     """The number of runs of a sweep that succeeded before."""
+    return sum(journal.done(scenario, seed) for scenario, seed in _runs_of(sweep, journal))
+
+
+def _runs_of(sweep, journal):
+    """[(scenario, seed)] of the runs of a sweep that the journal has."""
     scenarios, seeds = {s.hash: s for s in _different(sweep)}, sweep.seeds
     listed = seeds if isinstance(seeds, range) else frozenset(seeds)
-    return sum(
-        scenario in scenarios and seed in listed and journal.done(scenarios[scenario], seed)
-        for scenario, seed in journal.rows
-    )
+    return [(scenarios[known], seed) for known, seed in journal.rows if known in scenarios and seed in listed]
 
 
 def _different(sweep):
@@ -323,18 +325,14 @@ def sweep_to(
     Raises
     ------
     ProblemsError
-        When there are runs already and it should not go on with them, another program writes there, or files with
-        the names of results are there that are of no sweep.
+        When there are runs already and it should not go on with them or they are all of another sweep, another program
+        writes there, or files with the names of results are there that are of no sweep.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with held(folder / JOURNAL):
         journal = Journal(folder / JOURNAL)
-        if journal.rows and not resume:
-            raise refused(
-                journal.path,
-                f"the folder already has {len(journal.rows):,} runs; continue with --resume, or choose another --out",
-            )
+        _check_runs(sweep, journal, resume)
         results = [folder / name for name in (*RESULTS, *sweep.experiment.drawn)]
         refuse_foreign(results, lambda path: bool(journal.build or journal.rows))
         journal.begin(build_of_sweep(type(sweep.experiment).__module__))
@@ -345,6 +343,22 @@ def sweep_to(
                 runs_done_before += 1
                 step(runs_done_before)
     return journal
+
+
+def _check_runs(sweep, journal, resume):
+    """ProblemsError unless a sweep may go on with the runs that the journal has; runs of others are told."""
+    count, own = len(journal.rows), len(_runs_of(sweep, journal))
+    others = count - own
+    if count and not own:
+        why = "another sweep, or of this one with other levels, brushes or fixed values, or by another version"
+        raise refused(journal.path, f"its {count:,} runs are of {why}; choose another folder")
+    if count and not resume:
+        told = f" ({own:,} of them of this sweep)" if others else ""
+        how = "continue with --resume (in Python resume=True), or choose another folder"
+        raise refused(journal.path, f"the folder already has {count:,} runs{told}; {how}")
+    if others:
+        where = "they stay in this file, but not in the tables, the summary and the pictures"
+        say(f"{journal.path}: {others:,} of its {count:,} runs are not of this sweep as it is now: {where}")
 
 
 __all__ = ["SweepJob", "Journal", "jobs_of", "processes", "read_sweep", "run_jobs", "sweep_to"]

@@ -207,7 +207,7 @@ def test_a_sweep_does_not_go_on_with_the_runs_of_other_code(edited, tmp_path):
     before = (out / JOURNAL).read_bytes()
     done = other_process("sweep", file, "--out", out, "--jobs", 1, "--resume", cwd=tmp_path, PYTHONPATH=edited)
     assert done.returncode == 1
-    told = f"{out / JOURNAL}: its 8 runs were made by other code: {PACE}; choose another --out"
+    told = f"{out / JOURNAL}: its 8 runs were made by other code: {PACE}; choose another folder"
     assert done.stderr.strip() == told
     assert (out / JOURNAL).read_bytes() == before
 
@@ -218,7 +218,7 @@ def test_a_sweep_does_not_go_on_with_runs_of_nobody_knows_what(cli, sweep, tmp_p
     path = out / JOURNAL
     path.write_bytes(path.read_bytes().split(b"\n", 1)[1])
     told = cli("sweep", sweep_file(tmp_path, FEW), "--out", out, "--jobs", 1, "--resume").err
-    assert "its 8 runs were made by unknown code; choose another --out" in told
+    assert "its 8 runs were made by unknown code; choose another folder" in told
 
 
 def test_other_libraries_are_named_and_another_processor_is_not(cli, sweep, tmp_path, monkeypatch):

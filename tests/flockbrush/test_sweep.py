@@ -196,6 +196,27 @@ def test_a_journal_is_not_begun_twice_by_mistake(tmp_path):
         sweep_to(sweep, tmp_path / "out", here, 2)
 
 
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_sweep_does_not_replace_the_results_of_another(tmp_path, resume):
+    sweep_to(read_sweep(sweep_file(tmp_path)), tmp_path / "out", here, 2)
+    before = (tmp_path / "out" / "runs.jsonl").read_bytes()
+    other = read_sweep(sweep_file(tmp_path, FLOCKS.replace("steps = 300", "steps = 200"), "other"))
+    with pytest.raises(ProblemsError, match="its 24 runs are of another sweep") as refusal:
+        sweep_to(other, tmp_path / "out", here, 2, resume)
+    assert "resume" not in str(refusal.value)
+    assert (tmp_path / "out" / "runs.jsonl").read_bytes() == before
+
+
+def test_runs_that_a_narrower_sweep_does_not_have_are_told_and_kept(tmp_path, capsys):
+    sweep_to(read_sweep(sweep_file(tmp_path)), tmp_path / "out", here, 2)
+    narrow = read_sweep(sweep_file(tmp_path, FLOCKS.replace("[3, 5]", "[3]").replace("count = 6", "count = 5")))
+    with pytest.raises(ProblemsError, match=r"has 24 runs \(10 of them of this sweep\); continue with --resume"):
+        sweep_to(narrow, tmp_path / "out", here, 2)
+    assert len(sweep_to(narrow, tmp_path / "out", here, 2, resume=True).rows) == 24
+    told = "runs.jsonl: 14 of its 24 runs are not of this sweep as it is now: they stay in this file, but not in the"
+    assert told in " ".join(capsys.readouterr().err.split())
+
+
 def test_files_with_names_of_results_that_are_of_no_sweep_are_refused_before_it_begins(tmp_path):
     sweep, foreign = read_sweep(sweep_file(tmp_path)), ("runs.csv", "summary.json", "forming.png")
     for name in foreign:
