@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
 import flockbrush
 from flockbrush.engine.files import whole
@@ -51,13 +51,14 @@ def summarise(sweep: Sweep, journal: Journal, wall=math.nan, workers=1) -> dict:
         failed += [
             {**scenario.varied, "seed": row["seed"], "error": row["error"]} for row in rows if row["status"] != "ok"
         ]
-        means, shares = {}, {}
+        means, shares, intervals = {}, {}, {}
         for name in scenario.measures:
             values = [row["measures"].get(name) for row in fine]
             if any(isinstance(value, str) for value in values):
                 shares[name] = _shares(values)
+                intervals[name] = {word: _interval_of(share, len(values)) for word, share in shares[name].items()}
             else:
-                means[name] = _moments(values)
+                means[name] = _moments(values, sweep.experiment.units.get(name) == "share")
         spent = sum(row["seconds"] for row in fine)
         usual = float(np.median([row["seconds"] for row in fine])) if fine else math.nan  # kernels load in the first
         rate = 1.0 / usual if usual > 0 else math.nan
@@ -67,6 +68,7 @@ def summarise(sweep: Sweep, journal: Journal, wall=math.nan, workers=1) -> dict:
                 "runs": len(fine),
                 "means": means,
                 "shares": shares,
+                "share_intervals": intervals,
                 "runs_per_core_second": rate,
             }
         )
@@ -89,16 +91,30 @@ def summarise(sweep: Sweep, journal: Journal, wall=math.nan, workers=1) -> dict:
     }
 
 
-def _moments(values):
-    """Mean and standard deviation over seeds, standard error of the mean, and its 95 % interval (Student's t)."""
-    numbers = np.array([math.nan if value is None else value for value in values], float)
-    numbers = numbers[np.isfinite(numbers)]
-    if not len(numbers):
-        return {"mean": math.nan, "std": math.nan, "error": math.nan, "low": math.nan, "high": math.nan}
-    mean, spread = float(numbers.mean()), float(numbers.std(ddof=1)) if len(numbers) > 1 else math.nan
-    error = spread / math.sqrt(len(numbers))
-    wide = error * float(stdtrit(len(numbers) - 1, 0.975)) if len(numbers) > 1 else math.nan
-    return {"mean": mean, "std": spread, "error": error, "low": mean - wide, "high": mean + wide}
+def _moments(values, share=False):
+    """Runs in which a measure is a number, mean and standard deviation over them, standard error of the mean.
+
+    And its 95 % interval: Student's t; of what is yes or no in every run (True or False, or 0 or 1 of the unit "share")
+    that of `_interval_of`.
+    """
+    known = [value for value in values if value is not None and math.isfinite(value)]
+    n, unknown = len(known), math.nan
+    if not n:
+        return {"n": 0, "mean": unknown, "std": unknown, "error": unknown, "low": unknown, "high": unknown}
+    mean, spread = float(np.mean(known)), float(np.std(known, ddof=1)) if n > 1 else unknown
+    error = spread / math.sqrt(n)
+    wide = error * float(stdtrit(n - 1, 0.975)) if n > 1 else unknown
+    interval = {"low": mean - wide, "high": mean + wide}
+    if all(isinstance(value, bool) or (share and value in (0, 1)) for value in known):
+        interval = _interval_of(mean, n)
+    return {"n": n, "mean": mean, "std": spread, "error": error, **interval}
+
+
+def _interval_of(share, n):
+    """Wilson's 95 % interval of a share of n runs."""
+    z2 = float(ndtri(0.975)) ** 2 / n
+    middle, wide = share + z2 / 2, math.sqrt(z2 * (share * (1 - share) + z2 / 4))
+    return {"low": max(middle - wide, 0.0) / (1 + z2), "high": min((middle + wide) / (1 + z2), 1.0)}
 
 
 def _shares(values):
@@ -207,14 +223,15 @@ def _cells(scenario, names):
 
 
 def _cell(scenario, name, spread=True):
-    """Mean and deviation, with the digits that the deviation leaves."""
+    """Mean and deviation, with the digits that the deviation leaves, and of how many runs, if not of all."""
     means = scenario["means"].get(name)
     if means is None or not math.isfinite(means["mean"]):
         return "-"
+    some = f" ({means['n']:,} runs)" if means["n"] < scenario["runs"] else ""
     if not (spread and means["std"] > 0):
-        return f"{means['mean']:,.0f}" if abs(means["mean"]) >= 1000 else number(means["mean"], 3)
+        return (f"{means['mean']:,.0f}" if abs(means["mean"]) >= 1000 else number(means["mean"], 3)) + some
     digits = max(0, 1 - math.floor(math.log10(means["std"])))
-    return f"{means['mean']:.{digits}f} ± {means['std']:.{digits}f}" if digits < 6 else number(means["mean"])
+    return (f"{means['mean']:.{digits}f} ± {means['std']:.{digits}f}" if digits < 6 else number(means["mean"])) + some
 
 
 def _show_shares(summary, names, name):

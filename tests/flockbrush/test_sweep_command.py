@@ -14,12 +14,14 @@ from flockbrush.levels.sketch import LevelSketch
 from flockbrush.levels.tiled import write_project
 from flockbrush.systems import measures
 from pens import pen
+from scipy.stats import binomtest
 from small_sweep import FLOCKS, here, rows_without_times, sweep_file
 
 from flockbrush.runs import run as running
 from flockbrush.studies.experiments import LevelRuns, experiments, lasting, perform
-from flockbrush.studies.sweep import RESULTS, sweep_to
+from flockbrush.studies.sweep import RESULTS, Journal, sweep_to
 from flockbrush.studies.sweep_file import parse_sweep, read_sweep
+from flockbrush.studies.sweep_report import show, summarise
 
 
 def test_the_command_writes_rows_summary_and_plots(cli, tmp_path):
@@ -56,6 +58,44 @@ def test_the_exit_code_tells_of_what_was_expected_and_did_not_come(cli, tmp_path
     told = cli("sweep", sweep_file(tmp_path, wrong), "--out", tmp_path / "out", "--jobs", 1)
     assert told.code == 1
     assert "MISSED" in told.out
+
+
+def summary_of(rows):
+    """(sweep, summary) of one scenario with so many seeds, of which each gave a row of measures."""
+    one = FLOCKS.replace("[3, 5]", "[3]").replace("[180, 170]", "[180]").replace("count = 6", f"count = {len(rows)}")
+    sweep, journal = parse_sweep(one.encode(), "f.sweep.toml"), Journal("none.jsonl")
+    for seed, measures_of_run in enumerate(rows):
+        row = {"status": "ok", "seconds": 0.1, "measures": measures_of_run}
+        journal.rows[sweep.scenarios[0].hash, seed] = row
+    return sweep, summarise(sweep, journal)
+
+
+def test_the_summary_tells_of_how_many_runs_a_mean_is(capsys):
+    sweep, summary = summary_of([{"settled_distance": d, "distance": 1.0} for d in (0.1, None, 0.3, None, 0.2)])
+    (scenario,) = summary["scenarios"]
+    assert scenario["runs"] == 5
+    assert [scenario["means"][name]["n"] for name in ("distance", "settled_distance", "leads")] == [5, 3, 0]
+    assert scenario["means"]["settled_distance"]["error"] == pytest.approx(0.1 / 3**0.5)
+    show(sweep, summary | {"files": []})
+    assert "0.20 ± 0.10 (3 runs)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("yes", "no"), [(60, 0), (59, 1), (0, 7), (1, 0)])
+@pytest.mark.parametrize("answers", [(1, 0), (True, False)])
+def test_intervals_of_shares_are_shares(yes, no, answers):
+    name = "stabilised" if answers == (1, 0) else "leads"  # a measure of any unit may be true or false
+    values = [answers[0]] * yes + [answers[1]] * no
+    _, summary = summary_of([{name: value, "shape": "V" if value else "J"} for value in values])
+    (scenario,) = summary["scenarios"]
+    wilson = binomtest(yes, yes + no).proportion_ci(method="wilson")
+    for found in (scenario["means"][name], *([scenario["share_intervals"]["shape"]["V"]] if yes else [])):
+        assert (found["low"], found["high"]) == pytest.approx((wilson.low, wilson.high))
+        assert 0 <= found["low"] < found["high"] <= 1
+
+
+def test_numbers_that_happen_to_be_0_or_1_are_no_shares():
+    _, summary = summary_of([{"leads": leads} for leads in (0, 1, 1, 1)])
+    assert summary["scenarios"][0]["means"]["leads"]["high"] == pytest.approx(0.75 + 3.182446 * 0.25)
 
 
 def test_files_that_are_not_there_are_told(cli, tmp_path):
