@@ -6,7 +6,15 @@ import numpy as np
 
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
-from flockbrush.film.track_table import WRAPPED, TrackTable, begun, check_size, known_format, part_middle
+from flockbrush.film.track_table import (
+    WRAPPED,
+    TrackTable,
+    begun,
+    check_size,
+    heights_left_out,
+    known_format,
+    part_middle,
+)
 
 SLAB = 4_000_000  # numbers of a variable that are unpacked at once
 CHUNK = 64 * limits.MIB  # bytes of a packed block; HDF5 unpacks one whole, whatever part is asked for
@@ -54,25 +62,26 @@ def movement_netcdf(path) -> TrackTable:
         if len(order) < len(sizes):
             raise refused(path, f"its position has dimensions that are not known: {', '.join(sizes)}")
         parts = _slabs(path, position, position.dimensions.index("time"))
-        xy = np.concatenate([_of_movement(part.transpose(order), sizes) for part in parts])
+        xyz = np.concatenate([_of_movement(part.transpose(order), sizes) for part in parts])
+        xy = xyz[..., :2]
         heading = None
         unit = {"m": "m", "metre": "m", "meters": "m", "px": "px", "pixels": "px"}.get(getattr(position, "units", ""))
         if "heading" in data.variables and unit == "m":
             heading = _headings(path, data["heading"], xy.shape[:2])
         notes = [WRAPPED] if getattr(data, "boundary", "") == "wrap" else []
+        notes += heights_left_out(xyz[..., 2:])
         fps, start = _times(path, data)
         who = _individuals(path, data, xy.shape[1])
         return TrackTable(xy, who, np.arange(len(xy)), fps, unit, None, heading, notes, start)
 
 
 def _of_movement(values, sizes):
-    """(T, N, 2) places of values (T, [N], [keypoints], space): the mean of those keypoints that are there."""
-    values = values[..., :2]
+    """(T, N, space) places of values (T, [N], [keypoints], space): the mean of those keypoints that are there."""
     if "individuals" not in sizes:
         values = values[:, None]
     if "keypoints" not in sizes:
         return values
-    sure = np.isfinite(values).all(-1)
+    sure = np.isfinite(values[..., :2]).all(-1)
     total = np.where(sure[..., None], np.nan_to_num(values), 0.0).sum(2)
     return np.where(sure.any(2)[..., None], total / np.maximum(sure.sum(2), 1)[..., None], np.nan)
 

@@ -24,6 +24,7 @@ from flockbrush.film.track_table import (
     beside,
     check_rate,
     check_size,
+    heights_left_out,
     known_format,
     line_word,
     metres,
@@ -40,6 +41,7 @@ NAMES = {  # what columns are called, the first that is there is taken
            "animal", "animal_id", "object", "particle", "name"),
     "x": ("x", "x_m", "x_px", "x_bl", "pos_x", "position_x", "utm-easting"),
     "y": ("y", "y_m", "y_px", "y_bl", "pos_y", "position_y", "utm-northing"),
+    "z": ("z", "z_m", "z_px", "z_bl", "pos_z", "position_z", "height-above-ellipsoid", "height-above-msl"),
     "frame": ("frame", "frame_number", "frame_idx"),
     "time": ("time", "time_s", "seconds", "t", "timestamp"),
     "visible": ("visible",),  # of Movebank: false for outliers
@@ -101,14 +103,14 @@ def _parsed(path, rows, where, more):
     ``more``: columns of numbers besides, by name.
     """
     problems: list[Problem] = []
-    plain = {name: where[name] for name in ("x", "y", "frame")} | more
+    plain = {name: where[name] for name in ("x", "y", "z", "frame")} | more
     numbers = {name: array("d") for name in (*plain, "time", "visible")}
     names: dict[str, int] = {}
     animal, lines = array("q"), array("q")
     for line, row in rows:
         for name, at in plain.items():
             if at is not None:
-                numbers[name].append(number_of(path, line, name, row, at, problems))
+                numbers[name].append(number_of(path, line, name, row, at, [] if name == "z" else problems))
         if where["time"] is not None:
             numbers["time"].append(moment_of(path, line, row, where["time"], problems))
         if where["visible"] is not None:
@@ -132,18 +134,17 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
     notes = [WRAPPED] if about.get("boundary") == "wrap" else []
     x, y = columns["x"], columns["y"]
     nameless = np.array([not name for name in names])[animal]
-    if nameless.any():
-        first = f"the first is {line_word(path)} {lines[np.argmax(nameless)]}"
-        notes.append(f"{nameless.sum()} rows without an id were left out; {first}")
     hidden = columns["visible"] == 0 if "visible" in columns else np.zeros(len(x), bool)
-    if hidden.any():
-        first = f"the first is {line_word(path)} {lines[np.argmax(hidden)]}"
-        notes.append(f"{hidden.sum()} rows with visible = false were left out; {first}")
+    for gone, what in ((nameless, "without an id"), (hidden, "with visible = false")):
+        if gone.any():
+            first = f"the first is {line_word(path)} {lines[np.argmax(gone)]}"
+            notes.append(f"{gone.sum()} rows {what} were left out; {first}")
     valid = np.isfinite(x) & np.isfinite(y) & ~nameless & ~hidden
     if where["frame"] is None:
         valid &= np.isfinite(columns["time"])
     if not valid.any():
         raise refused(path, "no row has an id and a position")
+    notes += heights_left_out(columns["z"][valid]) if "z" in columns else []
     unit = about.get("unit") if about.get("unit") in ("m", "px", "bl") else None
     if degrees:
         x, y = metres(path, x, y, valid)

@@ -53,6 +53,18 @@ def begun(times) -> float:
     return float(known.min()) if len(known) and abs(known.min()) < LATEST else 0.0
 
 
+def heights_left_out(z) -> list[str]:
+    """The note on heights (any shape) that vary: tracks are those in plan. None where they do not."""
+    known = z[np.isfinite(z)]
+    if not known.size or known.min() == known.max():
+        return []
+    span = f"from {known.min():.4g} to {known.max():.4g}"
+    return [
+        f"heights, {span}, are left out: distances and speeds are those in plan; a run of Flockbrush is measured in "
+        "space from its recording, or from its .csv or .parquet without options"
+    ]
+
+
 # rows to places -------------------------------------------------------------------------------
 
 

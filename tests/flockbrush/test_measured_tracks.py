@@ -79,6 +79,42 @@ def test_times_of_netcdf_are_those_of_the_file(tmp_path):
     assert found.start == pytest.approx(100.0) and found.fps == pytest.approx(10.0)
 
 
+def heights_told(path):
+    return [note for note in read_trajectories(path, "m", 10).notes if note.startswith("heights, from ")]
+
+
+@pytest.mark.parametrize(("column", "fixed"), [("z", "id,x,y"), ("height-above-msl", "id,utm-easting,utm-northing")])
+def test_heights_of_a_table_are_told_where_they_vary(tmp_path, column, fixed):
+    def write(heights):
+        rows = (f"{t},{who},{t},{3 * who},{z}" for t, z in enumerate(heights) for who in (1, 2))
+        path = tmp_path / "a.csv"
+        path.write_text("\n".join([f"frame,{fixed},{column}", *rows]) + "\n")
+        return path
+
+    (note,) = heights_told(write([40, "", *range(50, 60)]))
+    assert note.startswith("heights, from 40 to 59, are left out: distances and speeds are those in plan")
+    assert (
+        not heights_told(write([7] * 12)) and not heights_told(write([""] * 12)) and not heights_told(write("?" * 12))
+    )
+
+
+@pytest.mark.parametrize("keypoints", [False, True])
+def test_heights_of_netcdf_are_told_where_they_vary(tmp_path, keypoints):
+    netcdf = pytest.importorskip("netCDF4")
+    names = "time", "space", *["keypoints"] * keypoints, "individuals"
+    places = np.arange(12.0)[:, None, None] + np.array([[0.0], [0.0], [20.0]]) + np.array([0.0, 5.0])
+    for path, heights in ((tmp_path / "a.nc", places[:, 2]), (tmp_path / "b.nc", 7.0)):
+        places[:, 2] = heights
+        with netcdf.Dataset(path, "w") as data:
+            for name, size in {"time": 12, "space": 3, "keypoints": 1, "individuals": 2}.items():
+                data.createDimension(name, size)
+            position = data.createVariable("position", "f8", names)
+            position[:] = places[:, :, None] if keypoints else places
+    (note,) = heights_told(tmp_path / "a.nc")
+    assert note.startswith("heights, from 20 to 36, are left out") and not heights_told(tmp_path / "b.nc")
+    assert read_trajectories(tmp_path / "a.nc", "m", 10).xy[-1].tolist() == [[11, 11], [16, 16]]
+
+
 def test_units_are_those_of_the_file(cli, tmp_path):
     path = table(tmp_path / "a.csv", 10 * walkers(0.7, 0))
     told = cli("measure", path, "--unit", "px", "--body-length-px", 10).out
