@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 from flockbrush.behaviours.brush import Brush, BrushLibrary, shipped
@@ -133,7 +133,9 @@ class Simulation:
         """All files this simulation was made from, as bytes by name; a recording embeds them."""
         palette = self.world.resource(Palette)
         species = [one for one in self.world.resource(SpeciesList).assets if one is not None]
-        files = {f"brushes/{b.name}.brush.toml": b.source for b in palette.own} | self.level.paths
+        names = {PurePosixPath(name).name: data for name, data in self.level.files.items()}
+        own = {f"{brush.name}.brush.toml": brush.source for brush in palette.own}
+        files = {f"brushes/{name}": data for name, data in own.items() if names.get(name) != data} | self.level.paths
         files |= {f"species/{one.name}.species.toml": one.source for one in species}
         programs = self.world.resource(Programs).programs
         return self.level.files | files | {f"programs/{p.name}.program.toml": p.source for p in programs}

@@ -55,6 +55,18 @@ def program_library(files):
     return ProgramLibrary(library.folders, {name: embedded[name] for name in lost})
 
 
+def put_brush(files, name, source) -> list[str]:
+    """Give a level's files {name: bytes} a brush, in the place of all of its name; which were there with other bytes.
+
+    A level may name a brush as a file of any folder, and a name stands for one brush.
+    """
+    base = f"{name}.brush.toml"
+    there = [file for file in files if PurePosixPath(file).name == base]
+    others = [file for file in there if files[file] != source]
+    files.update(dict.fromkeys(there or [f"brushes/{base}"], source))
+    return others
+
+
 def input_files(path, names) -> list[Path]:
     """Files that a level at ``path`` reads, by their names in it: beside the level or in its project."""
     folders = dict.fromkeys((Path(path).parent.resolve(), project_folder(path)))

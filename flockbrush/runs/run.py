@@ -30,7 +30,7 @@ from flockbrush.engine.state import snapshot_parts, state_hash
 from flockbrush.levels.build import Simulation, build
 from flockbrush.levels.checked_nodes import parsed_document
 from flockbrush.levels.document_nodes import every_layer, values_of, without
-from flockbrush.levels.libraries import brush_library, recorded_library
+from flockbrush.levels.libraries import brush_library, put_brush, recorded_library
 from flockbrush.levels.reader import read_level, read_level_files
 from flockbrush.levels.schema import CLASSES
 from flockbrush.runs.builds import build_of_run
@@ -96,6 +96,7 @@ def start(
         So many animals in all, at the level's density.
     brush : Brush, str or path, optional
         What all animals of the level's spawns are given instead of their own: a brush, a name, or a .brush.toml file.
+        It also stands for what the level calls so elsewhere, such as painted ground, even where that is a file.
 
     Raises
     ------
@@ -132,7 +133,9 @@ def _with_brush(level, library, brush):
                 others = without(thing, CLASSES["Spawn"], ("brush", "program"))
                 thing["properties"] = [*others, {"name": "brush", "type": "string", "value": asset.name}]
     files[name] = json.dumps(document).encode()
-    files[f"brushes/{asset.name}{SUFFIX}"] = asset.source
+    if others := [file for file in put_brush(files, asset.name, asset.source) if file in level.files]:
+        message = f"{level.name}: the brush {asset.name} that is given counts everywhere, not {', '.join(others)}"
+        warnings.warn(Advice(message), stacklevel=3)
     library = recorded_library(files)
     return read_level_files(files, library), library
 

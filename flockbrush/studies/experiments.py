@@ -25,6 +25,7 @@ from flockbrush.behaviours.validation import validated
 from flockbrush.engine.plugins import load_entry_points
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.levels.build import DT, plane
+from flockbrush.levels.libraries import put_brush
 from flockbrush.runs.kernel_helper import FEW, TICKS
 from flockbrush.runs.v_measures import v_indicators
 from flockbrush.studies.flock_parameters import FlockParameters
@@ -146,8 +147,7 @@ class LevelRuns(Experiment):
                 brush, field = _brush_of(name, brushes)
                 changed[brush] = _changed(changed.get(brush, brushes[brush]), name, field, value)
         for brush, asset in changed.items():
-            file = next(name for name in files if name.rsplit("/", 1)[-1] == f"{brush}.brush.toml")
-            files[file] = asset.source
+            put_brush(files, brush, asset.source)
         measures = names + (["mean " + name for name in names] if spec.every else [])
         others = {name: value for name, value in parameters.items() if name.startswith("brush.")}
         return Ready(spec.model_dump() | others, files, measures)

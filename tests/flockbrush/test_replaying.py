@@ -10,11 +10,14 @@ import sys
 import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.engine.commands import Commands
+from flockbrush.engine.locks import Advice
 from flockbrush.engine.parallel import set_threads, threads
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import Recording, open_recording, state_hash
 from flockbrush.levels.build import build, plane
 from flockbrush.levels.reader import read_level
+from flockbrush.levels.sketch import LevelSketch
+from flockbrush.levels.tiled import write_project
 from flockbrush.systems.commands import AddAnimals, PaintBrush, SwitchBrush
 from pens import pen
 from processes import environment, other_process
@@ -114,6 +117,30 @@ def test_brushes_of_the_designers_own_are_in_the_recording(cli, tmp_path, name):
     assert report["measures"]["speed_mean"] < 2
     shutil.rmtree(folder)
     assert cli("replay", tmp_path / "a.flock", "--verify").code == 0
+
+
+def test_a_brush_that_is_given_takes_the_place_of_a_file_of_its_name(tmp_path):
+    march = shipped().get("march")
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "march.brush.toml").write_bytes(march.with_parameters(alignment_weight=0.2).source)
+    write_project(tmp_path, shipped())
+    sketch = LevelSketch(20, 20, 1.0, "tilesets", "wall", 3)
+    sketch.box("Spawn", 10, 10, 12, 12, "flock", species="sheep", brush="graze", count=8)
+    sketch.box("Zone", 10, 10, 16, 16, "hurry", brush="own/march.brush.toml")
+    path, given = sketch.save(tmp_path / "pen.tmj"), march.with_parameters(alignment_weight=0.9)
+    with pytest.warns(
+        Advice, match=r"pen: the brush march that is given counts everywhere, not own/march\.brush\.toml"
+    ):
+        herd = start(path, brush=given)
+    with record(tmp_path / "a.flock", herd) as recorder:
+        for _ in range(12):
+            herd.tick()
+            recorder.take()
+    run = open_recording(tmp_path / "a.flock")
+    assert [data for name, data in run.assets.items() if name.endswith("march.brush.toml")] == [given.source]
+    again = rebuild(run)
+    again.run(12)
+    assert state_hash(again.world) == state_hash(herd.world)
 
 
 def test_seed_and_number_of_animals_come_from_the_recording(cli, level, tmp_path):

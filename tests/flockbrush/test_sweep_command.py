@@ -247,6 +247,16 @@ def test_a_number_of_a_brush_that_cannot_be_varied_is_told_once(tmp_path, key, s
     assert str(found.value) == f"f.sweep.toml:8: grid.brush.march.{key}: {said}"
 
 
+def test_a_brush_that_a_level_names_as_a_file_is_swept(tmp_path):
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "march.brush.toml").write_bytes(shipped().get("march").source)
+    path = pen(tmp_path)
+    path.write_text(path.read_text().replace('"march"', '"own/march.brush.toml"'))
+    sweep = read_sweep(sweep_file(tmp_path, LEVEL.replace("agents = [6, 12]", "agents = [6]")))
+    rows = sweep_to(sweep, tmp_path / "out", here, 2).rows
+    assert len({rows[s.hash, 0]["measures"]["polarization"] for s in sweep.scenarios}) == 2
+
+
 PLANE = """
 schema = "flockbrush.sweep/1"
 measures = ["polarization"]
