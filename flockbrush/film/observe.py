@@ -433,6 +433,8 @@ def _landmark(mark) -> Landmark:
 def _steady(clip, landmarks, say):
     """The maps of the clip; exact identities for a camera that stands still."""
     if clip.still:
+        if landmarks:
+            raise refused(clip.name, "is one picture, and landmarks hold pictures together: leave out --landmark")
         return Steady(np.eye(2, 3)[None], False)
     steady = follow_landmarks(clip, landmarks, say) if landmarks else register(clip, None, say)
     if not steady.moved:

@@ -97,7 +97,8 @@ def learn(
     fps : float, optional
         Frames a second; required for arrays and for files without times.
     body_length : float, optional
-        Of one animal, in metres or pixels as the tracks are (of films in metres); else what the tracks say, or 1 m.
+        Of one animal, in metres or pixels as the tracks are (in metres for films, and for tracks in body lengths);
+        else what the tracks say, or 1 m.
     frames : (int, int), optional
         First and last frame to use, both included.
     arena : str, optional
@@ -157,7 +158,7 @@ def learn(
             clips=[_file(one, k, Path(folder)) for k, one in enumerate(given)],
             out=Path(folder) / f"{name}.brush.toml", looking=looking, report=None if report is None else Path(report),
             workers=None if cluster is None else (cluster, Tls()), command="flockbrush.learn(...)", silent=True,
-            length_m=None if of_tracks else looking.body_length_m, **options,
+            length_m=None if of_tracks and unit != "bl" else looking.body_length_m, **options,
         )  # fmt: skip
         return result_of(learn_brushes(wishes)[0])
 

@@ -25,6 +25,7 @@ from flockbrush.learning.learn_options import (
     LearnOptions,
     brush_files,
     check_fields,
+    check_photo,
     checked,
     region_out,
     state_of,
@@ -142,6 +143,7 @@ def _looked(clip, wishes) -> ClipFolds:
     if not wishes.silent:
         tell_notes(clip, whole)
     if whole.still:
+        check_photo(clip, wishes)
         return ClipFolds(standing(whole, SPEED if wishes.speed is None else wishes.speed))
     if wishes.speed is not None:
         say(f"{clip}: --speed was ignored: it is for photographs; the speed of animals in a clip is measured")
@@ -201,11 +203,7 @@ def _learned_herd(herd: BrushTask, wishes: LearnOptions, interrupts) -> Findings
     if not interrupts.asked:
         began = time.perf_counter()
         _compare(found, wishes, interrupts, photo)
-        if wishes.ablate and photo:
-            say("--ablate was ignored: it cannot be used with one picture")
-        elif wishes.ablate and herd.kind != HERD:
-            say(f"--ablate was ignored: it needs the herd model, and this model is {herd.kind}")
-        elif wishes.ablate:
+        if wishes.ablate:
             _ablate(found, folds, wishes, interrupts, herd)
         found.seconds["comparing"] = time.perf_counter() - began
         notes = [*found.notes, *filter(None, [found.counts_sentence(), found.starts_sentence()])]

@@ -26,9 +26,16 @@ QUICK_STARTS = 2
 OF_HERD = {  # options that do nothing for other models, and why
     "workers": "the model {} is fitted locally; only the herd model can use a cluster",
     "resume": "only the search of the herd model is kept, and the model is {}",
+    "ablate": "it leaves out parts of the herd model, and the model is {}",
     **dict.fromkeys(
         ("thorough", "starts", "beta", "device"), "it is for the search of the herd model, and the model is {}"
     ),
+}
+OF_FRAMES = {  # options that do nothing for one picture, and why
+    "share": "it is one picture, and no frames can be held out",
+    "beside": "it is one picture, and brushes are judged by frames",
+    "ablate": "it is one picture, and parts are judged by frames",
+    "beta": "it is one picture, and its density alone is learned from",
 }
 
 
@@ -119,6 +126,12 @@ def _check_together(wishes):
         if wishes.given(name) and wishes.model not in (HERD, AUTO):
             option = {"workers": "cluster"}.get(name, name)
             raise refused(f"--{option}", told.format(wishes.model))
+
+
+def check_photo(clip, wishes: LearnOptions):
+    """Refuse options that do nothing for one picture; ProblemsError."""
+    for name in filter(wishes.given, OF_FRAMES):
+        raise refused(clip, f"{OF_FRAMES[name]}: leave out --{name}")
 
 
 def _check_different(clips):

@@ -14,6 +14,8 @@ import pytest
 from filmed import film_of
 from flockbrush.behaviours.brush import load_brush
 
+from benchmarks.foreign_herds import herd
+from benchmarks.herd_film import CameraDrift, shoot
 from flockbrush.film.observations import CannotObserve
 from flockbrush.learning.model_choice import comparison_of
 
@@ -25,6 +27,16 @@ def films(tmp_path_factory):
     film_of(folder / "one.mp4")
     film_of(folder / "two.mp4", count=20)
     return folder
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory):
+    """A photograph of a herd."""
+    path = tmp_path_factory.mktemp("picture") / "herd.png"
+    cv2.imwrite(
+        str(path), shoot(herd("swarm", 30, 0.2, 25.0, 5), None, (640, 480), 20.0, CameraDrift(), seed=6).frames[0]
+    )
+    return path
 
 
 @pytest.fixture
@@ -290,6 +302,29 @@ def test_places_where_nothing_can_be_written_are_told_before_anything_is_done(cl
     done = cli("learn", clip, "--out", tmp_path / "x.brush.toml", "--resume")
     assert done.code == 1 and "no interrupted learning" in done.err
     assert not (tmp_path / "x.brush.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (("--share", "0.8"), "no frames can be held out: leave out --share"),
+        (("--ablate", "angular"), "leave out --ablate"),
+        (("--beta", "0.2"), "its density alone is learned from: leave out --beta"),
+        (("--landmark", "0:9,9,40,40", "--landmark", "0:60,9,40,40"), "leave out --landmark"),
+        (("--model", "zones"), "leave out --model zones"),
+    ],
+)
+def test_options_that_do_nothing_for_a_photograph_are_refused(cli, picture, tmp_path, options, why):
+    done = cli("learn", picture, "--out", tmp_path / "x.brush.toml", *options)
+    assert done.code == 1 and why in done.err and "is one picture" in done.err
+    assert nothing_in(tmp_path)
+
+
+def test_parts_are_left_out_of_the_herd_model_only(cli, films, tmp_path):
+    done = cli(
+        "learn", films / "one.mp4", "--out", tmp_path / "x.brush.toml", "--model", "zones", "--ablate", "angular"
+    )
+    assert done.code == 1 and "--ablate: it leaves out parts of the herd model, and the model is zones" in done.err
 
 
 def test_a_thorough_search_takes_four_times_the_work_and_is_of_the_herd_model(cli, films, quick, tmp_path, monkeypatch):
