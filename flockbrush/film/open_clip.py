@@ -161,7 +161,7 @@ def looked_apart(
         try:
             parts.append(_apart(clip, how, whole, slice(total - cut, total), slice(0, total - cut), *begun[1:]))
         except CannotObserve as error:
-            say(f"tested on one part of the clip only: {error}")
+            say(f"tested on one part only: {error}")
     return parts
 
 

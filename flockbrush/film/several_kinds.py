@@ -23,7 +23,7 @@ EVEN = 0.03  # of a logarithm: values that differ less are the same
 SECONDS = 0.4  # of a track, of which the speed is taken
 ADVICE = (
     "and hardly any are between: several species, or one that moves in two ways; a brush is of one kind, so learn from "
-    "each alone (clips: --regions, --body-colour)"
+    "each alone (films: --regions, --body-colour)"
 )
 STANDS, SLOWEST = 0.15, 0.05  # of the fast animals' speed; BL/s: slower animals stand
 

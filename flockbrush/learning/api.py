@@ -22,7 +22,7 @@ from flockbrush.film.track_files import UNITS, is_tracks
 from flockbrush.learning.confounding import Estimate, estimates_of
 from flockbrush.learning.result import Findings
 from flockbrush.learning.which_model import ModelComparison
-from flockbrush.runs.terminal import Stopped
+from flockbrush.runs.terminal import Stopped, saying
 
 OPTION = re.compile(r"(?<![\w-])--([a-z][a-z-]*)(?: (\w+):(\w+))?")
 ARGUMENTS = {"body-length-px": "body_length", "body-length-m": "body_length"}  # of options with another name
@@ -165,21 +165,21 @@ def learn(
 
 @contextmanager
 def _words_of_python(folder):
-    """Problems get the names of arguments for those of options, and lose the folder that arrays are kept in.
+    """What is said and problems have the names of arguments for those of options, and not the folder of arrays.
 
     Ctrl-C is what it is in Python.
     """
+    here = folder + os.sep
     try:
-        yield
+        with saying(lambda text: _in_python(text.replace(here, ""))):
+            yield
     except Stopped:
         raise KeyboardInterrupt from None
     except ProblemsError as error:
         raise ProblemsError(
             replace(
                 problem,
-                file=_in_python(problem.file)
-                if problem.file.startswith("--")
-                else problem.file.removeprefix(folder + os.sep),
+                file=_in_python(problem.file) if problem.file.startswith("--") else problem.file.removeprefix(here),
                 message=_in_python(problem.message),
             )
             for problem in error.problems
@@ -261,7 +261,8 @@ def result_of(found: Findings) -> LearnedBrush:
         | {"met": bool(row.met), "told": row.name in judgement.told} for row in judgement.brush.rows
     ]  # fmt: skip
     notes = [*found.notes, *(note for clip in found.clips for note in clip.notes), *found.learned.notes]
+    told = list(dict.fromkeys(_in_python(found.words(note)) for note in notes))
     return LearnedBrush(
         found.brush, found.verdict(), "untold" if judgement is None else judgement.kind, rows,
-        estimates_of(found.learned), list(dict.fromkeys(map(_in_python, notes))), found, found.models,
+        estimates_of(found.learned), told, found, found.models,
     )  # fmt: skip

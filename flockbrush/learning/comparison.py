@@ -93,11 +93,12 @@ class Comparison:
     speeds: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)  # str to (densities, speeds)
     # how unlike the clip the simulations are in all they are scored by, in the clip's own deviations
     unlike: float = np.nan
+    of_tracks: bool = False
 
     @property
     def subject(self) -> str:
-        """What the simulations are compared with: a clip, or one photograph."""
-        return "photograph" if (self.frames == self.frames[0]).all() else "clip"
+        """What the simulations are compared with: a clip, tracks, or one photograph."""
+        return "photograph" if (self.frames == self.frames[0]).all() else "tracks" if self.of_tracks else "clip"
 
     def herd(self, name) -> np.ndarray:
         """(T,) mean over the simulations."""
@@ -182,7 +183,7 @@ def compared(evidence: Evidence, runs: list[Run]) -> Comparison:
         clip["directions"] = np.full(len(fields), variance_told(evidence))
         for herd, run in zip(herds, runs, strict=True):
             herd["directions"] = variance_of_run(run, fields, range(len(run)))
-    made = Comparison(fields.frames.copy(), times, clip, herds, runs[0])
+    made = Comparison(fields.frames.copy(), times, clip, herds, runs[0], of_tracks=evidence.from_tracks)
     target = ClipTarget.of(evidence)
     made.unlike = float(np.mean([total(distance(run, evidence, target)) for run in runs]))
     made.speeds = {"clip": speed_by_density(fields), "simulation": speed_by_density(simulated[0])}

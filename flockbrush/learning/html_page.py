@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -75,15 +75,15 @@ def is_report(path) -> bool:
 class ReportPage:
     """Written from top to bottom; every text is escaped here, nowhere else."""
 
-    def __init__(self, title: str):
-        self.title = title
+    def __init__(self, title: str, words: Callable[[str], str] = str):
+        self.title, self._words = title, words  # by which all texts are told, but those that are quoted
         self._heads: list[str] = []
         self._contents = 0  # before which part the contents stand; 0 for none
         self._parts: list[str] = [f"<h1>{_safe(title)}</h1>"]
 
     def head(self, text: str):
         """Begin a section."""
-        self._heads.append(text)
+        self._heads.append(text := self._words(text))
         self._parts.append(f'<h2 id="part-{len(self._heads)}">{_safe(text)}</h2>')
 
     def contents(self):
@@ -92,24 +92,25 @@ class ReportPage:
 
     def say(self, text: str, kind: str = ""):
         """A paragraph; ``kind`` is "lead", "small" or nothing."""
-        self._parts.append(f"<p{_kind(kind)}>{_unbroken(text)}</p>")
+        self._parts.append(f"<p{_kind(kind)}>{_unbroken(self._words(text))}</p>")
 
     def notes(self, texts: Iterable[str]):
         """Sentences below one another."""
-        items = "".join(f"<li>{_unbroken(text)}</li>" for text in texts)
+        items = "".join(f"<li>{_unbroken(self._words(text))}</li>" for text in texts)
         if items:
             self._parts.append(f"<ul>{items}</ul>")
 
     def checks(self, told: Iterable[tuple[bool | None, str]]):
         """Sentences below one another, each with a mark: True met, False missed, None neither."""
         marks = {met: f'<b class="{kind}" aria-hidden="true">{mark}</b>' for met, (mark, kind) in MARKS.items()}
-        items = [f"<li>{marks[met]}{_safe(text)}</li>" for met, text in told]
+        items = [f"<li>{marks[met]}{_safe(self._words(text))}</li>" for met, text in told]
         if items:
             self._parts.append(f'<ul class="checks">{"".join(items)}</ul>')
 
     def facts(self, pairs: Iterable[tuple[str, object]]):
         """Words and what they stand for."""
-        self._parts.append("<dl>" + "".join(f"<dt>{_safe(a)}</dt><dd>{_safe(b)}</dd>" for a, b in pairs) + "</dl>")
+        told = ((_safe(self._words(str(one))) for one in pair) for pair in pairs)
+        self._parts.append("<dl>" + "".join(f"<dt>{a}</dt><dd>{b}</dd>" for a, b in told) + "</dl>")
 
     def table(self, columns: Sequence[str], rows: Iterable[Sequence], words=1, chief: Sequence[int] = ()):
         """Rows of cells; the first ``words`` columns are text, the others numbers; ``chief`` rows stand out.
@@ -117,10 +118,11 @@ class ReportPage:
         A cell is a text, or (text, kind) with kind "good", "bad" or "quiet".
         """
         sides = [""] * words + ["number"] * (len(columns) - words)
-        head = "".join(f'<th scope="col"{_kind(side)}>{_safe(c)}</th>' for c, side in zip(columns, sides, strict=True))
+        names = [_safe(self._words(column)) for column in columns]
+        head = "".join(f'<th scope="col"{_kind(side)}>{c}</th>' for c, side in zip(names, sides, strict=True))
         body = []
         for k, row in enumerate(rows):
-            cells = "".join(_cell(cell, side) for cell, side in zip(row, sides, strict=True))
+            cells = "".join(_cell(cell, side, self._words) for cell, side in zip(row, sides, strict=True))
             body.append(f"<tr{_kind('chief' if k in chief else '')}>{cells}</tr>")
         made = f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
         self._parts.append(f'<div class="wide">{made}</div>')
@@ -144,8 +146,8 @@ class ReportPage:
             Drawn on white paper, which is dark on a dark page; what is no photograph by default.
         """
         paper = not photograph if paper is None else paper
-        shown = "".join(_image(image, words, scale, photograph, paper) for image, words in images)
-        below = f"<figcaption>{_safe(caption)}</figcaption>" if caption else ""
+        shown = "".join(_image(image, self._words(words), scale, photograph, paper) for image, words in images)
+        below = f"<figcaption>{_safe(self._words(caption))}</figcaption>" if caption else ""
         kind = "beside" if len(images) > 1 else "beside one"
         self._parts.append(f'<figure><div class="{kind}">{shown}</div>{below}</figure>')
 
@@ -189,9 +191,9 @@ def _kind(name: str) -> str:
     return f' class="{name}"' if name else ""
 
 
-def _cell(cell, side):
+def _cell(cell, side, words):
     text, kind = cell if isinstance(cell, tuple) else (cell, "")
-    return f"<td{_kind(' '.join(filter(None, (side, kind))))}>{_safe(text)}</td>"
+    return f"<td{_kind(' '.join(filter(None, (side, kind))))}>{_safe(words(str(text)))}</td>"
 
 
 def _image(image, words, scale, photograph, paper):

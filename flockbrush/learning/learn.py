@@ -48,6 +48,7 @@ from flockbrush.learning.simulate import simulated
 from flockbrush.learning.verdict import RUNS as JUDGED_RUNS
 from flockbrush.learning.verdict import combined, judge
 from flockbrush.learning.which_model import HERD, ModelComparison
+from flockbrush.learning.words_of_tracks import words_for
 from flockbrush.runs.cluster import cluster
 from flockbrush.runs.compile_ahead import compiling_for
 from flockbrush.runs.terminal import Interrupts, Stopped, measure, number, print_json, progress, say
@@ -146,7 +147,8 @@ def _looked(clip, wishes) -> ClipFolds:
         check_photo(clip, wishes)
         return ClipFolds(standing(whole, SPEED if wishes.speed is None else wishes.speed))
     if wishes.speed is not None:
-        say(f"{clip}: --speed was ignored: it is for photographs; the speed of animals in a clip is measured")
+        told = "--speed was ignored: it is for photographs; the speed of animals in a clip is measured"
+        say(f"{clip}: {words_for(whole)(told)}")
     return ClipFolds(whole, tuple(parts))
 
 
@@ -309,7 +311,8 @@ def _refuse_strangers(wholes, checks):
         far = [row for row in check.brush.rows if row.name in ONE_KIND and row.far > STRANGE]
         if far:
             told = ", ".join(f"{r.name} {measure(r.clip)} in this clip, {measure(r.herd)} simulated" for r in far)
-            raise refused(whole.name, f"no single brush fits these clips: {told}; learn from each clip separately")
+            message = f"no single brush fits these clips: {told}; learn from each clip separately"
+            raise refused(whole.name, words_for(whole)(message))
 
 
 def _is_photo(whole):

@@ -15,7 +15,7 @@ def show_findings(findings: Findings):
     if findings.models is not None:
         if findings.models.contenders:
             show(table_of(findings.models))
-        say(findings.models.decision)
+        say(findings.words(findings.models.decision))
     if findings.comparison is not None:
         made = _against_photograph if not findings.motion else _against_film if findings.judgement is None else _judged
         show(made(findings))
@@ -34,8 +34,9 @@ def _judged(findings):
     judgement = findings.judgement
     what = "held-out frames" if findings.held is not None else "frames it was learned from"
     short = {"inconclusive": "-", "persists": "kept", "does not persist": "lost"}
+    seen = findings.words("clip")
     made = table(
-        "measure", "clip", "herd", "off", "limit", "", f"{ALONE:g} s alone", right=("clip", "herd", "off", "limit"),
+        "measure", seen, "herd", "off", "limit", "", f"{ALONE:g} s alone", right=(seen, "herd", "off", "limit"),
         title=f"{findings.brush.name}: {what}, {judgement.seconds:.1f} s",
     )  # fmt: skip
     for row, cells in zip(judgement.brush.rows, judged_rows(judgement), strict=True):
@@ -48,7 +49,9 @@ def _against_film(findings):
     comparison = findings.comparison
     what = "held-out frames" if findings.held is not None else "frames it was learned from"
     title = f"{findings.brush.name}: {what}, {comparison.times[-1]:.1f} s"
-    made = table("measure", "clip", "±", "simulated", "difference", "allowed", "", title=title, right=_NUMBERS)
+    made = table(
+        "measure", comparison.subject, "±", "simulated", "difference", "allowed", "", title=title, right=_NUMBERS
+    )
     for v in comparison.verdicts():
         judged = v.name in JUDGED
         met = ("met" if v.met else "MISSED") if judged else ""
@@ -71,4 +74,4 @@ def _word(column, value):
     return number(value) if isinstance(value, int) or column == "factor" else measure(value)
 
 
-_NUMBERS = "clip", "photograph", "±", "simulated", "difference", "allowed"
+_NUMBERS = "clip", "tracks", "photograph", "±", "simulated", "difference", "allowed"

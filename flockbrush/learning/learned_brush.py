@@ -20,6 +20,7 @@ from flockbrush.learning.herd_views import view_of
 from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.rollout import NAMES
 from flockbrush.learning.scores import measures_of
+from flockbrush.learning.words_of_tracks import words_for
 from flockbrush.render.style import PALETTE
 from flockbrush.runs.run import versions
 
@@ -86,7 +87,7 @@ def brush_of(
         source=_line(_source(evidences)),
         date=datetime.date.today(),
         by=f"flockbrush {flockbrush.__version__} learn",
-        notes="\n".join([*_sentences(learned, evidences), *notes])[:20_000],
+        notes="\n".join(map(words_for(clip), [*_sentences(learned, evidences), *notes]))[:20_000],
         seed=seed,
         clip=_line(Path(clip.name).name),
         frames=(int(frames[0]), int(frames[-1])),

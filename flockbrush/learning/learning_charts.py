@@ -29,7 +29,7 @@ def panels_of(findings: Findings) -> dict[str, list]:
         if comparison.maps:
             made["neighbours"] = [_maps(comparison)]
     made["parameters"] = [parameter_rows(findings.learned)]
-    made["loss"] = _losses(findings.learned)
+    made["loss"] = _losses(findings.learned, findings.words)
     return {name: panels for name, panels in made.items() if panels}
 
 
@@ -79,8 +79,8 @@ def _mean_of(herds):
 
 def _speeds(comparison):
     lines = [
-        ChartCurve(name, *comparison.speeds[name], colour=colour, marker="o")
-        for name, colour in (("clip", CLIP), ("simulation", HERD))
+        ChartCurve(name, *comparison.speeds[kind], colour=colour, marker="o")
+        for name, kind, colour in ((comparison.subject, "clip", CLIP), ("simulation", "simulation", HERD))
     ]
     most = max((float(line.y.max()) for line in lines if len(line.y)), default=1.0)
     return CurveChart("Speed against density, BL/s", "animals per BL²", lines, span=(0.0, most))
@@ -88,7 +88,7 @@ def _speeds(comparison):
 
 def _maps(comparison):
     squares = [comparison.maps[name] for name in ("clip", "simulation")]
-    return Maps("Positions of neighbours", ["clip", "simulation"], squares, REACH, "per BL²")
+    return Maps("Positions of neighbours", [comparison.subject, "simulation"], squares, REACH, "per BL²")
 
 
 def others_of(learned) -> tuple[list, list]:
@@ -114,12 +114,12 @@ def parameter_rows(learned) -> Rows:
     return Rows("Parameters, normalised to 0..1", rows)
 
 
-def _losses(learned) -> list[CurveChart]:
+def _losses(learned, words) -> list[CurveChart]:
     """Descents and evolutions, each with a loss of its own."""
     curves = [(k, a) for k, a in enumerate(learned.starts) if len(a.loss)]
     evolved = [(k, a) for k, a in curves if ", evolved" in a.name]
     fitted = [(k, a) for k, a in curves if ", evolved" not in a.name]
-    titles = ("Descent: loss", "steps"), ("Evolution: smallest distance to the clip", "generations")
+    titles = ("Descent: loss", "steps"), (words("Evolution: smallest distance to the clip"), "generations")
     made = []
     for (title, across), some in zip(titles, (fitted, evolved), strict=True):
         lines = [_loss(a, False) for k, a in some if k != learned.chosen]

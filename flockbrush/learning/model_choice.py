@@ -13,6 +13,7 @@ from flockbrush.learning.learned_parameters import Learned
 from flockbrush.learning.likelihood import likelihoods
 from flockbrush.learning.model_fit import add_distances, kinds_of_models
 from flockbrush.learning.which_model import HERD, ModelComparison, compare_models, problem_of
+from flockbrush.learning.words_of_tracks import Words
 from flockbrush.runs.terminal import measure, table
 
 AUTO = "auto"
@@ -100,8 +101,8 @@ def table_of(found: ModelComparison):
     return table(*COLUMNS, rows=cells_of(found), title=title, right=COLUMNS[2:6] + COLUMNS[7:])
 
 
-def as_json(found: ModelComparison | None) -> dict | None:
-    """What --json prints of the comparison."""
+def as_json(found: ModelComparison | None, words: Words = str) -> dict | None:
+    """What --json prints of the comparison, sentences in the `Words` for what was compared on."""
     if found is None or not found.rows:
         return None
     rows = [
@@ -113,8 +114,9 @@ def as_json(found: ModelComparison | None) -> dict | None:
         for row in found.rows
     ]  # fmt: skip
     return {
-        "chosen": found.learned, "contenders": found.contenders, "equal": found.equal, "sentence": found.sentence,
-        "decision": found.decision, "blocks": found.blocks, "straight_on": found.straight, "rows": rows,
+        "chosen": found.learned, "contenders": found.contenders, "equal": found.equal,
+        "sentence": words(found.sentence), "decision": words(found.decision), "blocks": found.blocks,
+        "straight_on": found.straight, "rows": rows,
     }  # fmt: skip
 
 

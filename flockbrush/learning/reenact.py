@@ -20,6 +20,7 @@ from flockbrush.learning.model_fit import kinds_of_models
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.side_by_side import ComparisonGround
 from flockbrush.learning.simulate import longest_way, simulated
+from flockbrush.learning.words_of_tracks import words_for
 from flockbrush.learning.world_rollout import needs_world
 from flockbrush.render import Video
 from flockbrush.runs.terminal import Interrupts, compiling, measure, print_json, progress, say, show, table
@@ -142,7 +143,7 @@ def _film(clip, evidence, brush, run, path):
 def _picture(stage, evidence, brush, run, frame, t):
     rows = run.of(t)
     words = (
-        f"clip, frame {evidence.fields.frames[t]}",
+        words_for(evidence)(f"clip, frame {evidence.fields.frames[t]}"),
         f"{brush.name}, {run.times[t]:.1f} s after the same start",
     )
     return stage.beside(frame, t, run.xy[rows], run.forward[rows], float(run.times[t]), words, run.ids[rows])
@@ -168,8 +169,8 @@ def _as_json(evidence, brush, comparison: Comparison):
 
 def _show(brush, comparison: Comparison):
     names = [v.name for v in comparison.verdicts() if v.name in (*JUDGED, "aspect", "nearest neighbour")]
-    columns = ["seconds", "frame", *(f"{name}\nclip / {brush.name}" for name in names), *ERRORS]
-    made = table(*columns, title=f"{brush.name} against the clip", right=columns)
+    columns = ["seconds", "frame", *(f"{name}\n{comparison.subject} / {brush.name}" for name in names), *ERRORS]
+    made = table(*columns, title=f"{brush.name} against the {comparison.subject}", right=columns)
     for t in np.unique(np.linspace(0, len(comparison.times) - 1, ROWS).round().astype(int)):
         pairs = [f"{measure(comparison.clip[n][t])} / {measure(float(comparison.herd(n)[t]))}" for n in names]
         errors = [measure(float(comparison.herd(error)[t])) for error in ERRORS]
@@ -178,5 +179,5 @@ def _show(brush, comparison: Comparison):
     for v in comparison.verdicts():
         if v.name in JUDGED:
             met = "met" if v.met else "MISSED"
-            told = f"{v.clip:.3f} in the clip, {v.herd:.3f} simulated, difference {v.off:.3f}"
+            told = f"{v.clip:.3f} in the {comparison.subject}, {v.herd:.3f} simulated, difference {v.off:.3f}"
             say(f"{v.name}: {told} (allowed: {v.allowed:.3f}): {met}")

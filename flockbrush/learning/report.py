@@ -139,7 +139,7 @@ def as_json(findings: Findings) -> dict:
         "ablations": findings.ablations,
         "judgement": judgement_as_json(findings.judgement),
         "model": learned.kind,
-        "models": models_as_json(findings.models),
+        "models": models_as_json(findings.models, findings.words),
         "seconds": findings.seconds,
         "command": findings.command,
     }
@@ -157,7 +157,7 @@ def as_json(findings: Findings) -> dict:
 
 def page_of(findings: Findings, charts: dict[str, list[tuple[ChartPanel, np.ndarray]]]) -> ReportPage:
     """The report as a page; ``charts`` are the panels of `panels_of`, each with its drawing."""
-    page = ReportPage(f"{findings.brush.name}: a brush learned from {Path(findings.whole.name).name}")
+    page = ReportPage(f"{findings.brush.name}: a brush learned from {Path(findings.whole.name).name}", findings.words)
     page.say(findings.verdict(), "lead")
     page.checks(findings.checks())
     page.say(findings.brush.description, "small")
@@ -203,7 +203,7 @@ def _lines_in(panel):
     last = {
         line.name: line
         for line in panel.curves
-        if len(line.y) and line.name in ("clip", "photograph", "simulation", "mean of simulations")
+        if len(line.y) and line.name in ("clip", "tracks", "photograph", "simulation", "mean of simulations")
     }
     said = {"mean of simulations": "simulations"}
     told = ", ".join(

@@ -17,6 +17,7 @@ from flockbrush.learning.other_starts import SECONDS as ALONE_FROM
 from flockbrush.learning.scores import CHANCE, beyond_chance
 from flockbrush.learning.verdict import ALONE, Judgement
 from flockbrush.learning.which_model import ModelComparison
+from flockbrush.learning.words_of_tracks import Words, words_for
 
 FEW = 10  # animals, below which polarization and milling say little
 KEPT = 0.2  # polarization and milling of a herd of other size are the clip's within this
@@ -50,6 +51,11 @@ class Findings:
     def compared_brush(self) -> Brush:
         """The brush of the comparison, which knows nothing of the frames held out."""
         return self.brush if self.judged_brush is None else self.judged_brush
+
+    @property
+    def words(self) -> Words:
+        """What turns texts about a clip into those about what the brush was learned from."""
+        return words_for(self.whole)
 
     @property
     def prefix(self) -> str:

@@ -12,6 +12,7 @@ from flockbrush.film.observations import Evidence
 from flockbrush.film.open_clip import pictures_of
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.simulate import longest_way
+from flockbrush.learning.words_of_tracks import words_for
 from flockbrush.render import LIGHT, DrawnHerd, Painter, ViewCamera
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.drawn_terrain import nice
@@ -206,7 +207,7 @@ def moments_beside(clip, frames: Evidence, run: Run, brush, count) -> list[np.nd
         rows = run.of(t)
         seconds = float(run.times[t])
         if t in pictures:
-            filmed = "photograph" if len(np.unique(numbers)) == 1 else f"clip, frame {numbers[t]}"
+            filmed = "photograph" if len(np.unique(numbers)) == 1 else words_for(frames)(f"clip, frame {numbers[t]}")
             words = (filmed, f"{brush.name}, after {seconds:.1f} s")
             made.append(stage.beside(pictures[t], t, run.xy[rows], run.forward[rows], seconds, words, run.ids[rows]))
         else:

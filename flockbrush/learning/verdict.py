@@ -24,6 +24,7 @@ from flockbrush.learning.likelihood import likelihood_of, read
 from flockbrush.learning.response import response
 from flockbrush.learning.rollout import NAMES, Run, Surroundings, Walls, rollout
 from flockbrush.learning.simulate import shaken, simulated
+from flockbrush.learning.words_of_tracks import of_tracks
 
 RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 4
 ALONE, MEASURED, FPS = 20.0, 10.0, 4.0  # s a herd is left alone, of which the end is measured; looks a second
@@ -258,8 +259,8 @@ def concluded(
     rivals = sorted(rivals, key=lambda r: r.distance(told))
     kind, sentence = ("untold", doubt) if doubt else _said(mine, rivals, told, seconds, count, source)
     if kind == "untold":
-        these = "these tracks" if source == TRACKS else "this clip"
-        sentence = f"How it moves cannot be told from {these}: {sentence}."
+        sentence = f"How it moves cannot be told from this clip: {sentence}."
+        sentence = of_tracks(sentence) if source == TRACKS else sentence
     return Judgement(kind, sentence, mine, rivals, told, seconds, count, doubt, source)
 
 

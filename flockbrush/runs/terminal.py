@@ -11,7 +11,9 @@ import sys
 import threading
 import time
 import warnings
+from collections.abc import Callable
 from contextlib import contextmanager
+from contextvars import ContextVar
 from numbers import Number
 
 import flockbrush
@@ -32,12 +34,25 @@ def debugging():
     return os.environ.get("FLOCKBRUSH_DEBUG", "") not in ("", "0")
 
 
+_words: ContextVar[Callable[[str], str]] = ContextVar("words", default=str)
+
+
+@contextmanager
+def saying(words: Callable[[str], str]):
+    """Meanwhile `say` says every text in these words: those of a caller to whom options are arguments."""
+    before = _words.set(words)
+    try:
+        yield
+    finally:
+        _words.reset(before)
+
+
 def say(text):
     """Print one line to stderr, separate from results."""
     if sys.stderr is None:  # print would take stdout
         return
     try:
-        print(plain(text), file=sys.stderr, flush=True)
+        print(plain(_words.get()(str(text))), file=sys.stderr, flush=True)
     except (OSError, ValueError):  # nobody listens
         pass
 

@@ -1,6 +1,7 @@
 """Learning from tracks: the command, the Python function, and how sure and how separate the numbers are."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from flockbrush.cli.main import called
 from flockbrush.learning.api import _in_python
 from flockbrush.learning.confounding import correlation_of, estimates_of
 from flockbrush.learning.learned_parameters import Learned
+from flockbrush.runs.terminal import Stopped, say
 
 
 def herd_tracks(count=12, seconds=3.0, fps=16, brush="march", seed=3):
@@ -123,10 +125,23 @@ def test_what_is_wrong_is_said_in_words_of_python(tracks, wrong, told):
     assert str(error.value).startswith(told)
 
 
+def test_what_is_said_meanwhile_is_in_words_of_python(tracks, monkeypatch, capsys):
+    from flockbrush.learning import learn
+
+    def told(wishes):
+        say(f"{wishes.clips[0]}: --speed was ignored; --body-length-m is 1 m")
+        raise Stopped
+
+    monkeypatch.setattr(learn, "learn_brushes", told)
+    with pytest.raises(KeyboardInterrupt):
+        flockbrush.learn(tracks, unit="m", fps=16, body_length=1.0)
+    say("--speed")
+    assert capsys.readouterr().err == "tracks1.npy: speed was ignored; body_length is 1 m\n--speed\n"
+
+
 def test_notes_are_in_words_of_python(learned):
-    assert (
-        "Learned from the first part of the clip and tested on the rest: quick fits no brush to all." in learned.notes
-    )
+    note = "Learned from the first part of the tracks and tested on the rest: quick fits no brush to all."
+    assert note in learned.notes
     assert not [note for note in learned.notes if "--" in note]
     text = "x--y.npy: use --frames 0:8 or --body-length-m, and --body-colour R,G,B"
     assert _in_python(text) == "x--y.npy: use frames=(0, 8) or body_length, and --body-colour R,G,B"
@@ -147,12 +162,16 @@ def test_the_command_learns_from_a_table_with_gaps(tracks, hasty_learning, tmp_p
     out, report = tmp_path / "m.brush.toml", tmp_path / "r"
     command = ["learn", str(path), "-o", str(out), "--report", str(report), "--quick", "--starts", "1", "--json"]
     assert called([*command, "--body-length-m", "1.1", "--licence", "made up"]) == 0
-    told = json.loads(capsys.readouterr().out)["brushes"][0]
+    shown = capsys.readouterr()
+    told = json.loads(shown.out)["brushes"][0]
     assert told["estimates"][0]["name"] == "avoidance_weight"
     brush = flockbrush.load_brush(out)
     assert brush.body.length == 1.1 and brush.provenance.licence == "made up" and brush.provenance.clip == "march.csv"
     page = (report / "report.html").read_text()
     assert "1.1 m (given)" in page and "confounded with" in page and "smoothed over" in page
+    words = re.sub(r"<style>.*?</style>|data:image[^\"]*|<pre.*?</pre>", "", page, flags=re.DOTALL)
+    assert not re.findall(r".{0,40}\bclips?\b.{0,40}", words + shown.err + brush.provenance.notes, re.IGNORECASE)
+    assert "The tracks constrain" in words and "Tracks and simulation" in words
     assert (report / "moment-1.png").stat().st_size > 0
 
 
@@ -169,7 +188,6 @@ def test_the_page_of_tracks_is_what_its_command_writes_of_the_figures_kept():
 
 def test_ctrl_c_is_what_it_is_in_python(monkeypatch):
     from flockbrush.learning import learn
-    from flockbrush.runs.terminal import Stopped
 
     def stopped(wishes):
         raise Stopped
