@@ -72,7 +72,8 @@ def movement_netcdf(path) -> TrackTable:
         notes += heights_left_out(xyz[..., 2:])
         fps, start = _times(path, data)
         who = _individuals(path, data, xy.shape[1])
-        return TrackTable(xy, who, np.arange(len(xy)), fps, unit, None, heading, notes, start)
+        usual = _body_length(data, xy)
+        return TrackTable(xy, who, np.arange(len(xy)), fps, unit, None, heading, notes, start, body_length=usual)
 
 
 def _of_movement(values, sizes):
@@ -94,6 +95,16 @@ def _individuals(path, data, count):
     if len(set(names)) < count:
         raise refused(path, "has two individuals with the same name")
     return names
+
+
+def _body_length(data, xy):
+    """m, the median of those that the file states, by how often each animal was seen; None where it states none."""
+    if "body_length" not in data.variables or data["body_length"].shape != xy.shape[1:2]:
+        return None
+    lengths = np.ma.filled(np.ma.asarray(data["body_length"][:]).astype(float), np.nan)
+    seen = np.repeat(lengths, np.isfinite(xy).all(-1).sum(0))
+    usual = float(np.median(seen)) if len(seen) else 0.0
+    return usual if getattr(data["body_length"], "units", "") == "m" and usual > 0 else None
 
 
 def _times(path, data):

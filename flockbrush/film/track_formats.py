@@ -34,7 +34,7 @@ from flockbrush.film.track_table import (
 )  # fmt: skip
 
 OURS = {"vx", "vy", "vz", "speed", "species", "role", "reference"}  # columns of exports, which are in metres
-LENGTH = "length"  # of animals, likewise
+LENGTH, LENGTH_M = "length", "body-length-m"  # of animals, likewise; and in any table in metres
 FLOWN = {"x_b", "y_b", "x", "y", "z"}  # of `flockbrush formation fly`, likewise
 NAMES = {  # what columns are called, the first that is there is taken
     "id": ("id", "track_id", "trackid", "track", "individual", "individual-local-identifier", "tag-local-identifier",
@@ -73,7 +73,8 @@ def csv_table(path) -> TrackTable:
     heading = lower.index("heading") if "heading" in lower and not degrees else None
     if {"track_id", "position_x"} <= set(lower):  # TrackMate, where id is that of a spot
         where["id"], rows = lower.index("track_id"), _below_titles(rows, lower.index("position_x"))
-    more = {"heading": heading, LENGTH: lower.index(LENGTH) if {*OURS, LENGTH} <= set(lower) else None}
+    length = LENGTH if {*OURS, LENGTH} <= set(lower) else LENGTH_M
+    more = {"heading": heading, LENGTH: lower.index(length) if length in lower else None}
     columns, names, animal, lines = _parsed(path, rows, where, more)
     return _long_table(path, lower, where, columns, names, animal, lines, degrees)
 

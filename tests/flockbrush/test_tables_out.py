@@ -5,7 +5,7 @@ import sqlite3
 
 import numpy as np
 import pytest
-from flockbrush.components import Position
+from flockbrush.components import Body, Position
 from flockbrush.engine.commands import Commands
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.obstacle_commands import AddObstacle, MoveObstacle
@@ -34,6 +34,8 @@ def test_a_database_holds_positions_headings_and_names(cli, recording, tmp_path,
     np.testing.assert_allclose(np.hypot(*ahead.T), 1.0, atol=1e-12)
     names = "SELECT DISTINCT name FROM trajectory_data JOIN names USING (names) WHERE frame = 20 AND kind = 'brush'"
     assert base.execute(names).fetchall() == [("swarm",)]
+    lengths = lived.agents[Body.length].tolist()
+    assert [length for (length,) in base.execute("SELECT length FROM bodies ORDER BY id")] == lengths
     base.close()
 
 

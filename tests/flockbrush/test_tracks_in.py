@@ -196,19 +196,25 @@ def test_sleap_has_animals_first(tmp_path):
     same(found, xy * (1, -1))
 
 
-@pytest.mark.parametrize("ending", [".csv", ".parquet", ".nc"])
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".nc", ".movebank.csv"])
 def test_our_own_exports_are_read_back(tmp_path, ending):
     pytest.importorskip({".parquet": "pyarrow", ".nc": "netCDF4"}.get(ending, "csv"))
     out = tmp_path / f"run{ending}"
-    assert called(["run", "meadow", "--seconds", "3", "--agents", "20", "--seed", "1", "--export", str(out)]) == 0
+    rate = ["--fps", "16"] if ending == ".movebank.csv" else []
+    assert (
+        called(["run", "meadow", "--seconds", "3", "--agents", "20", "--seed", "1", "--export", str(out), *rate]) == 0
+    )
     found = read_trajectories(out)
-    from flockbrush.components import Position
+    from flockbrush.components import Body, Position
 
     import flockbrush
 
     simulation = flockbrush.start("meadow", 1, 20)
     simulation.run(96)
     last = simulation.agents[Position.xyz][:, :2]
+    assert found.body_length == pytest.approx(np.median(simulation.agents[Body.length]), rel=1e-4)
+    if ending == ".movebank.csv":  # degrees have no origin and no heading
+        return
     assert found.unit == "m" and found.heading is not None
     assert sorted(map(tuple, np.round(found.xy[-1], 3).tolist())) == sorted(map(tuple, np.round(last, 3).tolist()))
 

@@ -11,6 +11,7 @@ VERSION = 2  # of JuPedSim's schema
 SCHEMA = """
 CREATE TABLE trajectory_data (frame INTEGER NOT NULL, id INTEGER NOT NULL, pos_x REAL NOT NULL, pos_y REAL NOT NULL,
                               ori_x REAL NOT NULL, ori_y REAL NOT NULL, pos_z REAL NOT NULL, names INTEGER NOT NULL);
+CREATE TABLE bodies (id INTEGER NOT NULL PRIMARY KEY, length REAL NOT NULL);
 CREATE TABLE names (names INTEGER NOT NULL, kind TEXT NOT NULL, name TEXT NOT NULL);
 CREATE TABLE metadata (key TEXT NOT NULL UNIQUE PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE geometry (hash INTEGER NOT NULL, wkt TEXT NOT NULL);
@@ -37,6 +38,7 @@ class Sqlite(Exporter):
         self._outlines, self._hash = None, 0
         self._areas: dict[str, int] = {}  # hash by WKT
         self._known: dict[tuple, int] = {}
+        self._lengths: dict[int, float] = {}  # m, of each animal when it was there last
 
     def take(self, moment):
         from flockbrush.runs.snapshots import words_of
@@ -48,6 +50,7 @@ class Sqlite(Exporter):
             self._number(tuple((kind, word) for kind, word in zip(borne, row, strict=True) if word))
             for row in zip(*borne.values(), strict=True)
         ]
+        self._lengths.update(zip(moment.ids.tolist(), moment.length.tolist(), strict=True))
         x, y, z = moment.xyz.T.tolist()
         ways = [(ahead, aside, math.hypot(ahead, aside) or 1.0) for ahead, aside in moment.forward[:, :2].tolist()]
         ahead, aside = ([way[k] / way[2] for way in ways] for k in (0, 1))
@@ -91,6 +94,7 @@ class Sqlite(Exporter):
         }
         metadata |= {f"flockbrush_{key}": value for key, value in about.items() if key != "fps"}
         self._base.executemany("INSERT INTO metadata VALUES (?, ?)", [(key, str(metadata[key])) for key in metadata])
+        self._base.executemany("INSERT INTO bodies VALUES (?, ?)", self._lengths.items())
         self._base.execute("CREATE INDEX frame_id_idx ON trajectory_data(frame, id)")
         self._base.commit()
         self._base.close()

@@ -9,7 +9,8 @@ from flockbrush.output.exporter import Exporter, Option, exporter
 
 HEAD = (
     "event-id,visible,timestamp,location-long,location-lat,external-temperature,height-above-ellipsoid,ground-speed,"
-    "heading,sensor-type,individual-taxon-canonical-name,tag-local-identifier,individual-local-identifier,study-name,comments\n"
+    "heading,sensor-type,individual-taxon-canonical-name,tag-local-identifier,individual-local-identifier,study-name,comments,"
+    "body-length-m\n"
 )
 NEAR_ZERO = 111_319.49079327358  # m of a degree at the equator
 START = datetime(2000, 1, 1, tzinfo=UTC)
@@ -65,7 +66,8 @@ class Movebank(Exporter):
             animal = int(moment.ids[row])
             self._file.write(
                 f"{self._event},true,{stamp},{east[row]:.8f},{north[row]:.8f},,{moment.xyz[row, 2]:.3f},"
-                f"{speed[row]:.4f},{course[row]:.2f},simulation,{kind},{animal},{animal},{study},{quoted(comment)}\n"
+                f"{speed[row]:.4f},{course[row]:.2f},simulation,{kind},{animal},{animal},{study},{quoted(comment)},"
+                f"{moment.length[row]:.6g}\n"
             )
         self.frames += 1
 

@@ -11,7 +11,7 @@ BLOCK = 64  # frames in memory before they are written
 class NetCdf(Exporter):
     """Positions (time, space, keypoints, individuals) of movement's poses, NaN where an animal is not there."""
 
-    contents = "positions (time, space, keypoints, individuals) in the layout of movement, headings, names"
+    contents = "positions (time, space, keypoints, individuals) in the layout of movement, headings, lengths, names"
     opens_in = "movement, xarray, MATLAB, R ncdf4"
     fps = 16.0
     needs = (("netCDF4", "netCDF4"),)
@@ -36,11 +36,13 @@ class NetCdf(Exporter):
         self._heading.long_name = "counter-clockwise from east"
         self._codes: dict = {}
         self._rows: dict[int, int] = {}
+        self._lengths: dict[int, float] = {}  # m, of each animal when it was there last
         self._waiting: list = []
 
     def take(self, moment):
         for animal in moment.ids.tolist():
             self._rows.setdefault(animal, len(self._rows))
+        self._lengths.update(zip(moment.ids.tolist(), moment.length.tolist(), strict=True))
         self._waiting.append(moment)
         if len(self._waiting) == BLOCK:
             self._write()
@@ -85,6 +87,8 @@ class NetCdf(Exporter):
         self._write()
         names = self._data.createVariable("individuals", str, ("individuals",))
         names[:] = _texts(f"animal_{animal}" for animal in self._rows)
+        length = self._data.createVariable("body_length", "f8", ("individuals",))
+        length[:], length.units = [self._lengths[animal] for animal in self._rows], "m"
         about = metadata_of(self.simulation, self.fps)
         attributes = {
             "source_software": "Flockbrush",
