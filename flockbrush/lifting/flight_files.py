@@ -17,16 +17,26 @@ GRAVITY = 9.81  # m/s²
 NUMBERS = "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "pitch", "bank"
 
 
-def write_flight(path, flight: LiftedFlight, species="bird", flies=True):
-    """Write a flight as a trajectory table; of animals that fly with one more column, ``bank``, radians."""
+def write_flight(path, flight: LiftedFlight, species="bird", flies=True, forward=None, length=None):
+    """Write a flight as a trajectory table; of animals that fly with one more column, ``bank``, radians.
+
+    Parameters
+    ----------
+    forward : (F, N, 3) ndarray, optional
+        Unit vectors of the bodies, where these are known; by default they face where they move.
+    length : float, optional
+        Of a body, metres, where it is known.
+    """
     velocity, pitch, bank = attitude(flight.xyz, flight.fps)
     columns = (*COLUMNS, *(["bank"] if flies else []))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    heading = np.arctan2(velocity[..., 1], velocity[..., 0])
+    ahead = velocity if forward is None else forward
+    heading, pitch = np.arctan2(ahead[..., 1], ahead[..., 0]), pitch if forward is None else np.arcsin(forward[..., 2])
     speed = np.linalg.norm(velocity, axis=-1)
     words = {"species": species, "role": "follower", "reference": "-1"}
+    words |= {} if length is None else {"length": f"{length:.6f}"}
     for f, time in enumerate(flight.times.tolist()):
         for n in np.flatnonzero(np.isfinite(flight.xyz[f, :, 0])):
             places = (*flight.xyz[f, n], *velocity[f, n], heading[f, n], speed[f, n], pitch[f, n], bank[f, n])

@@ -114,6 +114,11 @@ class Show:
         self.forward, self.up = _attitudes(self.velocity, pitch, bank)
 
     @property
+    def long(self) -> float:
+        """Length of a body, m."""
+        return SLENDER * self.span
+
+    @property
     def seconds(self) -> float:
         """How long it takes."""
         return (len(self) - 1) / self.flight.fps
@@ -148,7 +153,7 @@ class Show:
         from flockbrush.render.drawn_herd import DrawnHerd
 
         rows, flight = self.there(k), self.flight
-        long = SLENDER * self.span
+        long = self.long
         beat = min(BEAT / np.sqrt(long), FASTEST_BEAT)
         wings = np.sin(2 * np.pi * ((beat * k / flight.fps + 0.381966 * flight.ids[rows]) % 1.0))
         return DrawnHerd(
@@ -245,7 +250,8 @@ class Show:
         path = Path(path)
         self.check_exports([path], options)
         if path.suffix.lower() == ".csv":
-            write_flight(path, self.flight, self.animal, self.flies)
+            known = (None, None) if self.flies else (self.forward, self.long)
+            write_flight(path, self.flight, self.animal, self.flies, *known)
             return
         exporter = exporter_of(path)(path, _AsRun(self), self.flight.fps, **options)
         try:
@@ -260,8 +266,8 @@ class Show:
     def _moment(self, k):
         from flockbrush.runs.snapshots import Moment
 
-        rows, flight = self.there(k), self.flight
-        long, count = SLENDER * self.span, len(rows)
+        rows, flight, long = self.there(k), self.flight, self.long
+        count = len(rows)
         zero, wide = np.zeros(count, np.int64), np.full(count, 0.13 * long)
         return Moment(
             float(flight.times[k]), flight.ids[rows].astype(np.int64), flight.xyz[k, rows],

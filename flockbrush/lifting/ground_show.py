@@ -41,6 +41,10 @@ class GroundShow(Show):
         super().__init__(_placed(evidence, self.length, heights), evidence.name, span=self.length)
         self._face()
 
+    @property
+    def long(self) -> float:
+        return self.span
+
     def _face(self):
         """Bodies face where the tracks say, also while they stand."""
         ahead = self.evidence.sightings.forward
@@ -51,7 +55,7 @@ class GroundShow(Show):
         herd, rows = super().herd(k), self.there(k)
         upright = np.broadcast_to((0.0, 0.0, 1.0), (len(rows), 3))
         radius = self.evidence.radius_bl * self.span
-        return herd._replace(length=self.span, radius=radius, wings=None, up=upright)
+        return herd._replace(radius=radius, wings=None, up=upright)
 
 
 def _heights(evidence, length, flight):
