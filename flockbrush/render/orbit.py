@@ -69,17 +69,21 @@ class OrbitCamera:
         """Pixels per metre at the target, across the line of sight."""
         return self.focal / self.distance
 
+    @property
+    def nearest(self) -> float:
+        """The depth up to which nothing is shown, m."""
+        return NEAR * self.distance
+
     def numbers(self) -> np.ndarray:
         """Eye, right, up, ahead, focal length, middle and nearest depth, as kernels want them: (16,)."""
-        return np.concatenate([self.eye, self.axes.ravel(), [self.focal], self.middle, [NEAR * self.distance]])
+        return np.concatenate([self.eye, self.axes.ravel(), [self.focal], self.middle, [self.nearest]])
 
     # between metres and pixels -------------------------------------------------------
 
     def project(self, xyz) -> tuple[np.ndarray, np.ndarray]:
         """Pixel positions (n, 2) and depths (n,) m of points (n, 3); who is behind the eye has a depth below 0."""
         across, high, depth = self.axes @ (np.asarray(xyz, float) - self.eye).T
-        nearest = self.distance * NEAR
-        share = self.focal / np.where(np.abs(depth) < nearest, nearest, depth)
+        share = self.focal / np.where(np.abs(depth) < self.nearest, self.nearest, depth)
         x, y = self.middle
         return np.stack([x + across * share, y - high * share], axis=1), depth
 
@@ -92,16 +96,34 @@ class OrbitCamera:
         if xyz.shape[-1] == 2:
             xyz = np.concatenate([xyz, np.full((*xyz.shape[:-1], 1), self.floor)], axis=-1)
         across, high, depth = np.moveaxis((xyz - self.eye) @ self.axes.T, -1, 0)
-        share = self.focal / np.maximum(depth, self.distance * NEAR)
+        share = self.focal / np.maximum(depth, self.nearest)
         x, y = self.middle
         pixels = np.stack([x + across * share, y - high * share], axis=-1)
         return np.clip(pixels, -OUTSIDE, OUTSIDE)
+
+    def lines(self, begin, end) -> np.ndarray:
+        """Lines between points (..., 3) m as pixels (m, 4): those before the eye, cut off there."""
+        begin, end = (np.asarray(points, float).reshape(-1, 3) for points in (begin, end))
+        good = np.isfinite(begin).all(-1) & np.isfinite(end).all(-1)
+        begin, end = begin[good], end[good]
+        if not len(begin):
+            return np.zeros((0, 4))
+        near = 1.01 * self.nearest
+        one, two = ((points - self.eye) @ self.axes[2] for points in (begin, end))
+        in_front = (one > near) | (two > near)
+        begin, end, one, two = begin[in_front], end[in_front], one[in_front], two[in_front]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.clip((near - one) / (two - one), 0.0, 1.0)[:, None]
+        cut = begin + share * (end - begin)
+        begin, end = np.where((one < near)[:, None], cut, begin), np.where((two < near)[:, None], cut, end)
+        lines = np.hstack([self.project(begin)[0], self.project(end)[0]])
+        return lines[(np.abs(lines) < 2e4).all(1)]
 
     def scale_at(self, xyz) -> float:
         """Pixels per metre, across the line of sight, at a point (3,) m, or on the ground (2,)."""
         xyz = np.asarray(xyz, float)
         xyz = np.append(xyz, self.floor) if len(xyz) == 2 else xyz
-        return float(self.focal / max((xyz - self.eye) @ self.axes[2], self.distance * NEAR))
+        return float(self.focal / max((xyz - self.eye) @ self.axes[2], self.nearest))
 
     def rays(self, pixels) -> np.ndarray:
         """Directions (..., 3) from the eye through pixels (..., 2), one metre deep each."""

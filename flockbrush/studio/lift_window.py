@@ -61,7 +61,8 @@ class LiftWindow(Window):
         self.wanted = show.wanted
         self.at = 0.0  # frames: where playing is
         self._due = np.inf  # s until all frames are solved
-        self._later: list[Callable] = []  # done when they are
+        self._later: list[tuple[str, Callable]] = []  # files by their names, written when they are
+        self._closing = False  # then, too
         self._camera: OrbitCamera | None = None
         self.open(size)
         for note in show.flight.notes:
@@ -220,56 +221,35 @@ class LiftWindow(Window):
         colour = mix(self.theme.ink, self.theme.paper, 0.25)
         for begin, end, alpha in _thirds(len(way)):
             part = way[begin:end]
-            canvas.segments(self._segments(part[:-1], part[1:]), 1.2 * self.scale, colour, alpha)
+            canvas.segments(self.painter.camera.lines(part[:-1], part[1:]), 1.2 * self.scale, colour, alpha)
 
     def _draw_camera(self, canvas):
         """The camera, its picture in space, and the lines of sight through that."""
         corners, spots = self.show.frustum(self.k)
         ink, soft = chrome(self.theme).accent, mix(chrome(self.theme).accent, self.theme.paper, 0.35)
         home = np.zeros((1, 3))
-        canvas.segments(self._segments(np.repeat(home, 4, 0), corners), 1.3 * self.scale, ink, 0.6)
-        canvas.segments(self._segments(corners, np.roll(corners, -1, 0)), 1.6 * self.scale, ink, 0.9)
+        canvas.segments(self.painter.camera.lines(np.repeat(home, 4, 0), corners), 1.3 * self.scale, ink, 0.6)
+        canvas.segments(self.painter.camera.lines(corners, np.roll(corners, -1, 0)), 1.6 * self.scale, ink, 0.9)
         self._fill(canvas, corners, soft)
         row = None if self.bird is None else self.show.row(self.bird)
         rows = self.show.there(self.k)
         if row is not None and row in rows:
             bird = self.show.flight.xyz[self.k, row : row + 1]
-            canvas.segments(self._segments(home, bird), 1.4 * self.scale, ink, 0.9)
+            canvas.segments(self.painter.camera.lines(home, bird), 1.4 * self.scale, ink, 0.9)
         if len(spots):
             places, depth = self.painter.camera.project(spots)
-            for place in places[depth > self._near()]:
+            for place in places[depth > self.painter.camera.nearest]:
                 if (np.abs(place) < 1e4).all():
                     canvas.disc(place, max(1.6, 2.0 * self.scale), ink, 0.9)
         at, depth = self.painter.camera.project(home)
-        if depth[0] > self._near() and (np.abs(at[0]) < 1e4).all():
+        if depth[0] > self.painter.camera.nearest and (np.abs(at[0]) < 1e4).all():
             canvas.disc(at[0], 5 * self.scale, self.theme.paper)
             canvas.disc(at[0], 3.6 * self.scale, ink)
 
     def _fill(self, canvas, corners, colour):
         places, depth = self.painter.camera.project(corners)
-        if (depth > self._near()).all() and (np.abs(places) < 1e4).all():
+        if (depth > self.painter.camera.nearest).all() and (np.abs(places) < 1e4).all():
             canvas.area(places, colour, 0.12)
-
-    def _near(self):
-        return self.painter.camera.numbers()[15]
-
-    def _segments(self, begin, end):
-        """Lines between points (..., 3) m as pixels (m, 4): those before the eye, cut off there."""
-        begin, end = (np.asarray(points, float).reshape(-1, 3) for points in (begin, end))
-        good = np.isfinite(begin).all(-1) & np.isfinite(end).all(-1)
-        begin, end = begin[good], end[good]
-        if not len(begin):
-            return np.zeros((0, 4))
-        camera, near = self.painter.camera, 1.01 * self._near()
-        one, two = ((points - camera.eye) @ camera.axes[2] for points in (begin, end))
-        in_front = (one > near) | (two > near)
-        begin, end, one, two = begin[in_front], end[in_front], one[in_front], two[in_front]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.clip((near - one) / (two - one), 0.0, 1.0)[:, None]
-        cut = begin + share * (end - begin)
-        begin, end = np.where((one < near)[:, None], cut, begin), np.where((two < near)[:, None], cut, end)
-        lines = np.hstack([camera.project(begin)[0], camera.project(end)[0]])
-        return lines[(np.abs(lines) < 2e4).all(1)]
 
     # what a person does ---------------------------------------------------------------------
 
@@ -277,7 +257,7 @@ class LiftWindow(Window):
         steps = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.show), "end": len(self.show)}
         does = {
             "space": self.toggle, "0": self.fit, "c": self.from_camera, "ctrl+s": self.ask_export, "b": self.ask_brush,
-            "ctrl+q": self.quit, "escape": self.cancel,
+            "ctrl+q": self.ask_to_quit, "escape": self.cancel,
         }  # fmt: skip
         if key in steps:
             self.step(steps[key])
@@ -370,8 +350,8 @@ class LiftWindow(Window):
         shown = max(lens.height, lens.width * high / wide)  # pixels of the film over the height of this picture
         fov = 2 * np.arctan(0.5 * shown / lens.focal * 1.06)
         view, floor = self.painter.view, self.show.floor
-        target, north = (0.0, far, 0.0), np.pi / 2
-        self.look_from(OrbitCamera(target, far, north, 0.0, tuple(self.area.size), view, fov=fov, floor=floor))
+        how = tuple(self.area.size), view
+        self.look_from(OrbitCamera((0.0, far, 0.0), far, np.pi / 2, 0.0, *how, fov=fov, floor=floor))
 
     # wishes -----------------------------------------------------------------------------------
 
@@ -408,8 +388,8 @@ class LiftWindow(Window):
         """Ask for the file of the flight."""
         self.show.check_exports(())
         name = str(Path(self.show.name).with_suffix("").with_suffix("")) + ".flock.csv"
-        question = f"Write the flight to ({', '.join(ENDINGS)}):"
-        self.ask("Export", question, [("Write", self._export), ("Cancel", None)], name)
+        answers = [("Write", self._export), ("Cancel", None)]
+        self.ask("Export", f"Write the flight to ({', '.join(ENDINGS)}):", answers, name)
 
     def _export(self, path):
         def write():
@@ -421,15 +401,15 @@ class LiftWindow(Window):
     def _replacing(self, paths, write):
         """Write files; where some are there already, ask first."""
         there = [str(path) for path in map(Path, paths) if path.exists()]
-        if not there:
-            self._when_solved(write)
-            return
-        question = f"{' and '.join(there)} already exist{'s' * (len(there) == 1)}."
-        self.ask("Replace?", question, [("Replace", lambda: self._when_solved(write)), ("Cancel", None)])
+        if there:
+            question = f"{' and '.join(there)} already exist{'s' * (len(there) == 1)}."
+            self.ask("Replace?", question, [("Replace", lambda: self._when_solved(paths, write)), ("Cancel", None)])
+        else:
+            self._when_solved(paths, write)
 
-    def _when_solved(self, write):
+    def _when_solved(self, paths, write):
         """Write what is kept: solved as is wished, in all its frames. Until it is, the window goes on."""
-        self._later.append(write)
+        self._later.append((" and ".join(map(str, paths)), write))
         if not self.solver.has(self.wanted):
             self._due = np.inf
             self.solver.ask(self.wanted)
@@ -441,10 +421,29 @@ class LiftWindow(Window):
             return
         later, self._later = self._later, []
         if self.solver.has(self.wanted):
-            for write in later:
+            for _, write in later:
                 self.guarded(write)
+            if self._closing:
+                self.quit()
         else:
+            self._closing = False
             self.toasts.say("Nothing was written: the flight could not be solved with these settings.", "error")
+
+    @property
+    def unsaved(self):
+        return f"{self._waiting} will be written when the flight is solved." if self._later else ""
+
+    @property
+    def _waiting(self):
+        return " and ".join(name for name, _ in self._later)
+
+    def save(self):
+        """Close the window when what waits is written: it goes on until then."""
+        self._closing = bool(self._later)
+        return not self._closing
+
+    def leave(self, keep=False):
+        return f"not written, since the flight was not solved: {self._waiting}" if self._later else ""
 
     def ask_brush(self):
         """Ask for the file of the brush."""

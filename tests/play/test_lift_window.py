@@ -173,6 +173,37 @@ def test_what_is_kept_is_written_when_the_flight_that_is_wished_is_solved(window
     assert other.read_bytes() == wrote.read_bytes()
 
 
+def slowly(window, monkeypatch):
+    """An event; until it is set, nothing is solved."""
+    solve, go = window.show.solved, threading.Event()
+    monkeypatch.setattr(window.show, "solved", lambda *how: go.wait(60) and solve(*how))
+    return go
+
+
+def test_a_window_that_is_closed_finishes_what_waits_to_be_written(window, tmp_path, monkeypatch):
+    out, go = tmp_path / "out.csv", slowly(window, monkeypatch)
+    window.slide(0, 1000.0)
+    window._export(out)
+    window.key("q", "ctrl")
+    assert window.running and f"{out} will be written when the flight is solved" in window.dialog.question
+    window.key("return")
+    window.frame(0.05)
+    assert window.running and not out.exists()
+    go.set()
+    window.until_solved()
+    window.frame(0.05)
+    assert out.exists() and not window.running and window.leave() == ""
+
+
+def test_what_a_window_has_not_written_is_told(window, tmp_path, monkeypatch, capsys):
+    out, go = tmp_path / "out.csv", slowly(window, monkeypatch)
+    window.slide(0, 1000.0)
+    window._export(out)
+    window.leave_saying()
+    go.set()
+    assert f"not written, since the flight was not solved: {out}" in capsys.readouterr().err
+
+
 def test_nothing_is_kept_of_a_flight_that_cannot_be_solved(window, tmp_path, monkeypatch):
     def fails(*wish):
         raise ValueError("no such flight")
