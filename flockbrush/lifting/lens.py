@@ -95,13 +95,18 @@ def read_camera(path: str | Path) -> Camera:
         raise ProblemsError([file.problem(_key(e), _said(e)) for e in error.errors()]) from None
 
 
-def check_camera(path, camera: Camera, film):
-    """ProblemsError unless the camera of a file has the size and the frame rate of a film."""
+def check_camera(path, camera: Camera, film) -> str:
+    """A sentence where the film of a camera is slow motion, else ""; ProblemsError unless the two fit otherwise."""
     if (camera.width, camera.height) != tuple(film.size):
         told = f"has {camera.width} x {camera.height} pixels, but the clip has {film.size[0]} x {film.size[1]}"
         raise refused(path, told)
-    if abs(camera.fps / film.fps - 1.0) > SAME_RATE:
+    times = camera.fps / film.fps
+    if times < 1.0 - SAME_RATE:
         raise refused(path, f"has {camera.fps:g} frames per second, but the clip has {film.fps:g}")
+    if times <= 1.0 + SAME_RATE:
+        return ""
+    rates = f"{path} has {camera.fps:g} frames per second and the clip {film.fps:g}"
+    return f"{rates}: it is taken as slow motion, {times:.3g} times as fast in truth"
 
 
 def _key(error):

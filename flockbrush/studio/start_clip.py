@@ -60,8 +60,8 @@ def mark_clip(clip, out=None, tracks=None, camera=None, mode=None, theme=None, s
         try:
             book = Book(film, folder)
             book.load(tracks)
-            if lens is not None:
-                check_camera(camera, lens, film)
+            if lens is not None and (slow := check_camera(camera, lens, film)):
+                say(slow)
             if missing_display():
                 say(NO_SCREEN)
                 return USAGE

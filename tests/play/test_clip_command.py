@@ -52,3 +52,11 @@ def test_a_camera_has_the_size_and_the_rate_of_the_clip(tmp_path, width, fps, sa
     done = opened(tmp_path, bird_film(tmp_path / "birds.avi"), "--camera", str(camera))
     assert isinstance(done.exception, ProblemsError) == bool(said), done.output
     assert said in str(done.exception)
+
+
+def test_a_camera_that_filmed_slow_motion_is_taken(tmp_path):
+    camera = tmp_path / "cam.toml"
+    camera.write_text(f"{LENS}width = 320\nfps = 240\n")
+    done = opened(tmp_path, bird_film(tmp_path / "birds.avi"), "--camera", str(camera))
+    assert done.exit_code == 0, done.output
+    assert "has 240 frames per second and the clip 30: it is taken as slow motion, 8 times as fast" in done.output

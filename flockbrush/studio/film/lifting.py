@@ -32,7 +32,8 @@ class Lifting:
             answers = [("Lift", lambda text: self._with(text, part)), ("Cancel", None)]
             self.window.ask("Camera", question, answers, f"{FOV:g}, {SPEED:g}")
             return
-        check_camera(camera, read_camera(camera), self.window.film)
+        if slow := check_camera(camera, read_camera(camera), self.window.film):
+            self.window.toasts.say(slow)
         if self.window.save():
             self._open(self.window.book.place(part), camera)
 
