@@ -67,6 +67,12 @@ def put_brush(files, name, source) -> list[str]:
     return others
 
 
+def programs_beside(file):
+    """The programs that the file of one can name: of its own folder, those of its project and the shipped."""
+    here = Path(file).resolve().parent
+    return ProgramLibrary([*dict.fromkeys((here, *program_folders(file))), *shipped_programs().folders])
+
+
 def input_files(path, names) -> list[Path]:
     """Files that a level at ``path`` reads, by their names in it: beside the level or in its project."""
     folders = dict.fromkeys((Path(path).parent.resolve(), project_folder(path)))

@@ -16,7 +16,7 @@ from flockbrush.behaviours.trigger import ANYONE, KIN, OTHERS
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from flockbrush.levels.build import build
-from flockbrush.levels.libraries import library_beside
+from flockbrush.levels.libraries import library_beside, programs_beside
 from flockbrush.levels.schema import Level, Spawn
 from flockbrush.runs import terminal
 from flockbrush.runs.terminal import any_refused, print_json, print_line, say, show, styled, table
@@ -119,26 +119,27 @@ def _check_program(name):
     library = library_beside(name)
     if wrong := known_brushes(program, library.names(), file):
         raise ProblemsError(wrong)
-    for line in oddities(program, file, library.species.names()):
+    for line in oddities(program, file, library.species.names(), programs_beside(name)):
         say(f"note: {line}")
     size = f"{len(program.states)} states, {len(program.triggers)} triggers"
     print_line(f"{name}: ok: {program.title or program.name}, {size}")
 
 
-def oddities(program, file, species):
+def oddities(program, file, species, programs):
     """Notes that are not errors: states that no trigger leads to, unknown names, conditions that never change.
 
     Parameters
     ----------
     species : sequence of str
         Names that there are.
+    programs : ProgramLibrary
+        Those whose states the program can name.
     """
     reached = {name for name, _ in program.beginnings} | {trigger.to for trigger in program.triggers}
     reached |= {name for state in program.states.values() for name, _ in state.then or ()}
     for name in program.states:
         if name not in reached:
             yield Problem(file, None, f"state.{name}", "no trigger leads to this state; only a command can set it")
-    library = shipped_programs()
     for name in program.references("species"):
         if name not in (ANYONE, KIN, OTHERS, *species):
             message = f"there is no species {name!r}{did_you_mean(name, species)}"
@@ -148,9 +149,9 @@ def oddities(program, file, species):
             yield Problem(file, None, f"trigger[{k}].when", odd)
     for name in program.references("state"):
         other, slash, state = name.partition("/")
-        found = library.get(other) if slash and other in library.names() else None
+        found = programs.get(other) if slash and other in programs.names() else None
         if found is not None and state not in found.states:
-            message = f"the shipped program {other!r} has no state {state!r}{did_you_mean(state, found.states)}"
+            message = f"the program {other!r} has no state {state!r}{did_you_mean(state, found.states)}"
             yield Problem(file, None, None, message)
 
 

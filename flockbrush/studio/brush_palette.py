@@ -10,6 +10,7 @@ import pygame_gui
 
 from flockbrush.render.brush_marks import swatch
 from flockbrush.render.style import mix, rgb
+from flockbrush.studio.needed import library_of
 from flockbrush.studio.theme import chrome, font, px
 from flockbrush.studio.widgets import PictureButton, Shelf, fitted
 
@@ -179,6 +180,7 @@ class Thumbnails:
         self.app = app
         self.made: dict = {}
         self._plain: dict = {}
+        self._bodies: dict = {}  # by library and source of a brush
         self._working = False
         self._makers: dict = {}  # process by theme
         self._thread = None
@@ -196,20 +198,24 @@ class Thumbnails:
             return pygame.Surface(size, pygame.SRCALPHA), True
         own = theme.palette == "own"
         colour = None if own else self.app.colour_of(name)
-        key = (brush.source, size, theme.name, colour)
+        library = library_of(self.app.session)
+        if (library, brush.source) not in self._bodies:
+            self._bodies[library, brush.source] = thumbnails.body_of(brush, library.species)
+        body = self._bodies[library, brush.source]
+        key = (brush.source, size, theme.name, colour, body)
         if key in self.made:
             return self.made[key], True
-        array = thumbnails.cached(brush, self.SIDE, theme, colour)
+        array = thumbnails.cached(brush, self.SIDE, theme, colour, body)
         if array is not None:
             self.made[key] = surface_of(array, size)
             return self.made[key], True
         if self._working:
-            self._make(brush, theme, colour)
+            self._make(brush, theme, colour, body)
         if key not in self._plain:
             self._plain[key] = surface_of(thumbnails.placeholder(brush, self.SIDE, theme, colour), size)
         return self._plain[key], False
 
-    def _make(self, brush, theme, colour):
+    def _make(self, brush, theme, colour, body):
         """Have a picture made: of shipped brushes by another process, of others by a thread, one after the other."""
         from threading import Thread
 
@@ -220,8 +226,11 @@ class Thumbnails:
             self._makers[theme.name] = thumbnails.make_in_background((), self.SIDE, theme)
         library = shipped()
         ours = colour is None and brush.name in library.names() and library.get(brush.name).source == brush.source
+        ours = ours and body == thumbnails.body_of(brush)
         if not ours and (self._thread is None or not self._thread.is_alive()):
-            self._thread = Thread(target=thumbnails.thumbnail, args=(brush, self.SIDE, theme, colour), daemon=True)
+            self._thread = Thread(
+                target=thumbnails.thumbnail, args=(brush, self.SIDE, theme, colour, body), daemon=True
+            )
             self._thread.start()
 
     def close(self):

@@ -26,6 +26,7 @@ from flockbrush.levels.tiled import renew_brushes
 from flockbrush.runs import run as running
 from flockbrush.studio.branches import Beginning, plain_name
 from flockbrush.studio.history import History
+from flockbrush.studio.needed import programs_of
 from flockbrush.studio.recovery import RecoveryFolder
 from flockbrush.studio.tuned_brushes import changed_by, is_tuned, tuned_by
 from flockbrush.systems.palette import Palette
@@ -308,7 +309,7 @@ class SessionFiles:
         """Programs as they were changed in this window, on any branch, if no file has them."""
         programs: dict[bytes, Program] = {}
         for done in self._done_on_branches():
-            programs |= {program.source: program for program in changed_by(done)}
+            programs |= {program.source: program for program in changed_by(done, programs_of(self))}
         return [program for text, program in programs.items() if text not in self._saved_programs]
 
     def changed_programs(self):

@@ -22,6 +22,7 @@ from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import Heading, Position
 from flockbrush.engine import files, picture_decoding
+from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.build import plane
 from flockbrush.render.animal_looks import CLIPS, mesh_of
 from flockbrush.render.canvas import Canvas
@@ -51,7 +52,7 @@ LIMBS = 12.0  # pixels of the picture before it is shrunk, from which animals ha
 VERSION = 4  # of these pictures: counts up when they look otherwise
 
 
-def thumbnail(brush, size=64, theme="light", colour=None) -> np.ndarray:
+def thumbnail(brush, size=64, theme="light", colour=None, body=None) -> np.ndarray:
     """What animals do under a brush: a disc with a moving group and short trails, ringed with the brush's colour.
 
     Parameters
@@ -61,6 +62,8 @@ def thumbnail(brush, size=64, theme="light", colour=None) -> np.ndarray:
     theme : {"light", "dark", "vivid"} or Theme
     colour : "#rrggbb", optional
         Instead of the brush's own.
+    body : str, optional
+        How the animals look, as `body_of` tells it; by default as the shipped species that the brush is made for.
 
     Returns
     -------
@@ -68,17 +71,17 @@ def thumbnail(brush, size=64, theme="light", colour=None) -> np.ndarray:
         Red, green, blue and opacity.
     """
     look = theme_of(theme)
-    path = cache_folder() / f"{_key(brush, size, look.name, colour)}.png"
+    path = _path(brush, size, look, colour, body)
     picture = _kept(path, size)
     if picture is None:
-        picture = draw_thumbnail(brush, size, look, colour)
+        picture = draw_thumbnail(brush, size, look, colour, body)
         _keep(path, picture)
     return picture
 
 
-def cached(brush, size=64, theme="light", colour=None) -> np.ndarray | None:
+def cached(brush, size=64, theme="light", colour=None, body=None) -> np.ndarray | None:
     """The picture if it has been made before, else None; at once."""
-    return _kept(cache_folder() / f"{_key(brush, size, theme_of(theme).name, colour)}.png", size)
+    return _kept(_path(brush, size, theme_of(theme), colour, body), size)
 
 
 def placeholder(brush, size=64, theme="light", colour=None) -> np.ndarray:
@@ -113,10 +116,10 @@ def make_in_background(names=(), size=64, theme="light") -> subprocess.Popen:
 # the picture ---------------------------------------------------------------------
 
 
-def draw_thumbnail(brush, size, theme, colour=None) -> np.ndarray:
+def draw_thumbnail(brush, size, theme, colour=None, body=None) -> np.ndarray:
     """The picture of a brush, made now."""
     look, colour = replace(theme, texture=theme.texture / 2, palette="own"), colour or brush.colour
-    image = _picture(brush, FINE * size, look, colour, WINDOW, limbs=True)
+    image = _picture(brush, FINE * size, look, colour, WINDOW, body or body_of(brush))
     return _ringed(image, size, rgb(colour), look)
 
 
@@ -134,8 +137,17 @@ def draw_tile(brush, size) -> np.ndarray:
     return image
 
 
-def _picture(brush, side, theme, colour, window, limbs=False):
-    """Animals under a brush after some seconds, with trails, on a square of bare ground; with legs and wings, if asked.
+def body_of(brush, fauna=None) -> str:
+    """How animals under a brush look: as the species it is named after, of this library or the shipped, or usual."""
+    fauna, first = fauna or shipped_species(), next(iter(brush.made_for), "")
+    with suppress(ProblemsError):
+        if first in fauna.names():
+            return fauna.get(first).look
+    return "bird" if _in_the_air(brush) else "beast"
+
+
+def _picture(brush, side, theme, colour, window, body=None):
+    """Animals under a brush after some seconds, with trails, on a square of bare ground; with legs and wings of a body.
 
     Only a bird's wings make it larger: that one sees them is worth more than how far apart the birds are.
     """
@@ -154,7 +166,7 @@ def _picture(brush, side, theme, colour, window, limbs=False):
     far = float(np.quantile(np.abs(xy - middle).max(axis=1), 0.6 if flies else 0.9)) / length
     window = (window[0], SKY) if flies else window
     across = float(np.clip(2.3 * far + 1.5, *window)) * length
-    winged = limbs and _in_the_air(brush)
+    winged = body is not None and _in_the_air(brush)
     larger = max(LARGER, across / length / (LEAST_WINGED if winged else LEAST))
     level = SimpleNamespace(width=across, height=across, name="")
     painter = Painter(level, (side, side), theme, words=False)
@@ -166,7 +178,7 @@ def _picture(brush, side, theme, colour, window, limbs=False):
     phase = 0.381966 * np.arange(len(xy)) % 1.0
     beats = np.sin(2 * np.pi * phase) if winged else None
     moved = np.linalg.norm(xy - moments[0][0], axis=1) > RESTING * TRAIL * length
-    postures = _postures(brush, moved, winged, phase) if limbs else None
+    postures = None if body is None else _postures(body, moved, winged, phase)
     for k, (xy, forward) in enumerate(moments):
         herd = DrawnHerd(
             xy - middle + across / 2, forward, larger * length, larger * brush.body.radius,
@@ -177,10 +189,8 @@ def _picture(brush, side, theme, colour, window, limbs=False):
     return frame
 
 
-def _postures(brush, moved, winged, phase):
-    """What the bodies of animals show under a brush: those of the species it is named after, of beasts, or of birds."""
-    species, first_species = shipped_species(), next(iter(brush.made_for), "")
-    look = species.get(first_species).look if first_species in species.names() else "bird" if winged else "beast"
+def _postures(look, moved, winged, phase):
+    """What the bodies of animals show."""
     clip = "fly" if winged else next(clip for clip in ("swim", "walk") if clip in mesh_of(look).clips)
     clips = np.where(moved | winged, CLIPS.index(clip), CLIPS.index("rest"))
     return Postures(np.full(len(phase), LOOK_NAMES.index(look)), clips, phase)
@@ -253,9 +263,10 @@ def cache_folder() -> Path:
     return Path(own) if own else files.cache_folder() / "thumbnails"
 
 
-def _key(brush, size, look, colour=None):
-    shown = f"{VERSION} {size} {look} {colour or ''}"
-    return hashlib.sha256(shown.encode() + brush.source).hexdigest()[:32]
+def _path(brush, size, theme, colour, body):
+    """The file of a picture."""
+    shown = f"{VERSION} {size} {theme.name} {colour or ''} {body or body_of(brush)}"
+    return cache_folder() / f"{hashlib.sha256(shown.encode() + brush.source).hexdigest()[:32]}.png"
 
 
 def _kept(path, size):

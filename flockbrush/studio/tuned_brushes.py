@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 
 from flockbrush.behaviours.brush import Brush
-from flockbrush.behaviours.program import SUFFIX, Program, load_program, shipped_programs
+from flockbrush.behaviours.program import SUFFIX, Program, load_program
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.systems.commands import SetParameter
 from flockbrush.systems.edits import UseBrush
@@ -42,10 +42,15 @@ def tuned_by(commands: Iterable, library) -> list[Brush]:
     return [brush for brush in brushes if brush.name in made or is_tuned(brush, library)]
 
 
-def changed_by(commands: Iterable) -> list[Program]:
-    """Programs as these commands leave them, one after another, if they are not those that come with Flockbrush."""
+def _is_file(library, name, text):
+    with suppress(ProblemsError):  # it cannot be read
+        file = library.file_of(name)
+        return file is not None and library.bytes_of(file) == text
+    return False
+
+
+def changed_by(commands: Iterable, library) -> list[Program]:
+    """Programs as these commands leave them, one after another, if they are not those of the library."""
     texts = {command.name: command.source.encode() for command in commands if isinstance(command, UseProgram)}
-    shipped = shipped_programs()
-    known = {name: shipped.bytes_of(file) for name in texts if (file := shipped.file_of(name)) is not None}
-    changed = {name: text for name, text in texts.items() if known.get(name) != text}
+    changed = {name: text for name, text in texts.items() if not _is_file(library, name, text)}
     return [load_program(text, f"{name}{SUFFIX}") for name, text in changed.items()]

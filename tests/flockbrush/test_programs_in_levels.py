@@ -162,6 +162,15 @@ def test_a_wrong_program_is_said_with_its_line_and_a_strange_one_noted(cli, tmp_
     )
 
 
+def test_states_of_other_programs_of_ones_own_are_known_to_the_check(cli, tmp_path):
+    (tmp_path / "other.program.toml").write_text(OWN)
+    file = tmp_path / "own.program.toml"
+    file.write_text(OWN + '[[trigger]]\nto = "rest"\nwhen = { share_of_seen_in = "other/rets", at_least = 0.5 }\n')
+    assert "the program 'other' has no state 'rets'; did you mean 'rest'?" in cli("program", "check", file).err
+    file.write_text(file.read_text().replace("rets", "rest"))
+    assert "has no state" not in cli("program", "check", file).err
+
+
 def test_a_program_is_tried_on_a_plane(cli, tmp_path):
     save_program(shipped_programs().get("stampede"), tmp_path)
     words = ("program", "test", tmp_path / "stampede.program.toml", "--animals", 20, "--seconds", 4)

@@ -9,6 +9,7 @@ from flockbrush.systems.program_commands import UseProgram
 from flockbrush.systems.programs import Programs
 from small_pasture import WARY, of_ones_own, texts
 
+from flockbrush.studio.needed import programs_of
 from flockbrush.studio.recorded_session import open_recorded
 from flockbrush.studio.session import Session
 
@@ -34,6 +35,14 @@ def test_a_changed_program_is_there_after_a_restart_with_its_undo(own):
         assert seconds_wary(own) == "8..9 s" and [p.name for p in own.unsaved_programs()] == ["wary"]
     assert own.undo() and seconds_wary(own) == "2..3 s"
     assert own.redo() and seconds_wary(own) == "8..9 s" and texts(own) == []
+
+
+def test_a_program_that_lies_beside_the_level_is_found_and_is_not_unsaved(own):
+    other = WARY.replace("2..3 s", "5..6 s")
+    (own.path.parent / "programs" / "other.program.toml").write_text(other)
+    assert {"other", "wary", "stampede"} <= set(programs_of(own).names())
+    assert own.do("other", [UseProgram("other", other)])
+    assert [program.name for program in own.unsaved_programs()] == ["wary"]
 
 
 def test_a_program_file_that_was_written_meanwhile_counts_after_a_restart(tmp_path):

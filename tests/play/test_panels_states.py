@@ -123,6 +123,14 @@ def test_a_program_is_given_changed_and_undone_in_the_running_world(window):
     assert session.simulation.world.resource(Programs).names == []
 
 
+def test_a_program_beside_the_level_is_given(window, program):
+    folder = window.session.path.parent / "programs"
+    folder.mkdir()
+    (folder / "hasty.program.toml").write_bytes(program.source.replace(b"8..12 s", b"7..9 s"))
+    window.panel.give("hasty")
+    assert str(window.panel.program.states["stampede"].lasts) == "7..9 s"
+
+
 def test_a_wrong_value_becomes_a_message_and_changes_nothing(window):
     panel = window.panel
     panel.give("stampede")

@@ -98,6 +98,22 @@ def test_a_brush_of_ones_own_that_has_a_shipped_name_keeps_its_colour():
 )  # fmt: skip
 def test_animals_have_the_legs_and_wings_of_their_species(name, look, clip):
     brush, moved = shipped().get(name), np.array([True, False])
-    found = thumbnails._postures(brush, moved, thumbnails._in_the_air(brush), np.zeros(2))
+    found = thumbnails._postures(thumbnails.body_of(brush), moved, thumbnails._in_the_air(brush), np.zeros(2))
     assert LOOK_NAMES[found.look[0]] == look and CLIPS[found.clip[0]] == clip
     assert CLIPS[found.clip[1]] == ("fly" if clip == "fly" else "rest")
+
+
+def test_animals_look_as_the_species_of_the_level(cache, tmp_path, march):
+    from flockbrush.behaviours.species import SpeciesLibrary
+
+    (tmp_path / "crab.species.toml").write_text(
+        'schema = "flockbrush.species/1"\nlook = "insect"\nmedia = ["walk"]\n[body]\n'
+    )
+    (tmp_path / "lost.species.toml").write_text("no species")
+    fauna = SpeciesLibrary([tmp_path])
+    crabs = march.model_copy(update={"made_for": ("crab",)})
+    assert thumbnails.body_of(crabs, fauna) == "insect" and thumbnails.body_of(crabs) == "beast"
+    assert thumbnails.body_of(march.model_copy(update={"made_for": ("lost",)}), fauna) == "beast"
+    beasts = thumbnail(crabs, 96)
+    assert cached(crabs, 96, body="insect") is None
+    assert (thumbnail(crabs, 96, body="insect") != beasts).any()

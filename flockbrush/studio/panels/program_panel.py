@@ -6,9 +6,9 @@ import pygame
 from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED
 from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UITextEntryLine
 
-from flockbrush.behaviours.program import load_program, shipped_programs
+from flockbrush.behaviours.program import load_program
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.studio.needed import program_needed
+from flockbrush.studio.needed import program_needed, programs_of
 from flockbrush.studio.panels.panel import FieldsPanel, fit
 from flockbrush.studio.panels.program_form import cards_of, changed, with_state, with_trigger, without
 from flockbrush.systems.program_commands import Event, GiveProgram, heard
@@ -49,9 +49,9 @@ class StatesPanel(FieldsPanel):
         return applied
 
     def give(self, name):
-        """Have all animals follow a shipped program."""
+        """Have all animals follow a program that there is: one of the level's folders, or a shipped one."""
         try:
-            program = shipped_programs().get(name.strip())
+            program = programs_of(self.app.session).get(name.strip())
         except ProblemsError as error:
             self.app.notify(error.problems[0].message)
             return
@@ -91,7 +91,7 @@ class StatesPanel(FieldsPanel):
         self.app.ask_text("State", "Name of the new state:", "new", add)
 
     def _ask_program(self):
-        names = ", ".join(shipped_programs().names())
+        names = ", ".join(programs_of(self.app.session).names())
         self.app.ask_text("Program", f"Program for all animals ({names}):", "stampede", self.give)
 
     def _ask_folder(self):
