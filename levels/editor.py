@@ -224,20 +224,28 @@ class Editor(CommandStack):
         other._note("ahead", tick, steps=[_step_record(step) for step in other.undone])
         return other
 
-    def restarted(self) -> Editor:
+    def restarted(self, renewed=lambda command: command) -> Editor:
         """Another editor with the same document, undo and all, for a run that begins anew: all was done at tick 0.
 
         What a step would do to single animals is forgotten, for they are born anew.
+
+        Parameters
+        ----------
+        renewed : callable
+            What a command of the steps becomes, now that files may have changed.
         """
+        records = lambda those: _records(map(renewed, _commands(those)))  # noqa: E731
         self.sheet.settle()
         shared = {id(thing): thing for thing in (self.library, *self.sheet.constants())}
         other = copy.deepcopy(self, {**shared, id(self._journal): None})
         other.sheet.find_grids()
         for event in other._events:
             event |= {"tick": 0} | {key: _of_nobody(event[key]) for key in ("back", "again") if event.get(key)}
+            event |= {key: records(event[key]) for key in ("commands", "back", "again") if event.get(key)}
         for step in (*other.done, *other.undone):
             step.tick, step.again = 0, None
-            step.back = _commands(_of_nobody(_records(step.back)))
+            step.commands = list(map(renewed, step.commands))
+            step.back = list(map(renewed, _commands(_of_nobody(_records(step.back)))))
         return other
 
     def _replayed(self, events):

@@ -63,7 +63,7 @@ class History(CommandStack):
         other.undone = [step for step, old in zip(copies, early, strict=True) if not old][::-1]
         return other
 
-    def restarted(self) -> History:
+    def restarted(self, renewed=None) -> History:
         """A run that begins anew has no past."""
         return History(self.path, self.why)
 

@@ -295,9 +295,10 @@ class Session(TickRunner, SessionFiles):
         """Begin anew with the level and the brushes as they are now; the run so far stays as a branch."""
         now, editor = self.timeline.current.beginning, self.editor
         try:
-            beginning = Beginning(self._level_now(), self.brushes_known(), now.seed, now.agents)
-            brushes = self.simulation.world.resource(Palette).own
-            self._begin(beginning, editor.restarted(), brushes, self.changed_programs())
+            level, files = self._read_again()
+            beginning = Beginning(level, self.brushes_known(), now.seed, now.agents)
+            self._begin(beginning, editor.restarted(files.renewed), files.brushes, self.changed_programs())
+            self._tell_changed(files)
         except ProblemsError as error:
             self._say("error", f"{error}\nThe level cannot start with this change; the run continues.")
 

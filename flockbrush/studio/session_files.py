@@ -17,6 +17,7 @@ from flockbrush.behaviours.program import Program, save_program
 from flockbrush.engine.files import free_path, refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
+from flockbrush.levels.document_nodes import is_brush_file
 from flockbrush.levels.editor import Editor
 from flockbrush.levels.level_files import DiskFiles, is_of_project, project_folder
 from flockbrush.levels.libraries import brush_library, program_library
@@ -28,7 +29,7 @@ from flockbrush.studio.branches import Beginning, plain_name
 from flockbrush.studio.history import History
 from flockbrush.studio.needed import programs_of
 from flockbrush.studio.recovery import RecoveryFolder
-from flockbrush.studio.tuned_brushes import changed_by, is_tuned, tuned_by
+from flockbrush.studio.tuned_brushes import BrushFiles, changed_by, is_tuned, tuned_by
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.programs import Programs
 
@@ -139,6 +140,20 @@ class SessionFiles:
             return self.timeline.current.beginning.level
         files = self.simulation.assets()
         return read_level_text(self.editor.text().encode(), self.path, self.brushes_known(), files)
+
+    def _read_again(self):
+        """(the level with all that was done to it, its `BrushFiles` as they are on the disk now); ProblemsError."""
+        level = self._level_now()
+        self.library = self.library.with_files(
+            {name: data for name, data in level.files.items() if is_brush_file(name)}
+        )
+        own = self.simulation.world.resource(Palette).own
+        return level, BrushFiles(own, self.timeline.current, self.library)
+
+    def _tell_changed(self, files):
+        if files.changed:
+            told = "changed on disk, so the file as it is now counts; what was tuned stays where the file is as before"
+            self._say("info", f"{', '.join(files.changed)}: {told}")
 
     def _needed(self):
         """{name: bytes} of all files of the level as it is now; ProblemsError when it could not be opened."""
