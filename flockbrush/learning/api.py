@@ -97,8 +97,7 @@ def learn(
     fps : float, optional
         Frames a second; required for arrays and for files without times.
     body_length : float, optional
-        Of one animal, in metres or pixels as the tracks are (in metres for films, and for tracks in body lengths);
-        else what the tracks say, or 1 m.
+        Of one animal, in pixels for tracks in pixels, else in metres; by default what the tracks say, or 1 m.
     frames : (int, int), optional
         First and last frame to use, both included.
     arena : str, optional

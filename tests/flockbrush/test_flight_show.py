@@ -9,8 +9,11 @@ from flockbrush.behaviours.brush import load_brush
 from flockbrush.engine.problems import ProblemsError
 
 from flockbrush.cli.main import called
+from flockbrush.film.looking import Looking
+from flockbrush.film.track_files import read_trajectories
 from flockbrush.lifting.flight_show import Show, Solver, Wanted, with_wish
 from flockbrush.lifting.flight_table import read_flight
+from flockbrush.lifting.ground_show import open_show
 from flockbrush.lifting.lift_solver import LiftWish
 from flockbrush.output.run_table import read_run_table
 from tests.flock_in_v import CAMERA, SPAN, geese, seen, written
@@ -157,6 +160,21 @@ def test_a_flight_becomes_a_scene(tmp_path, show):
 def test_a_file_that_cannot_be_is_refused(tmp_path, show, name):
     with pytest.raises(ProblemsError):
         show.export(tmp_path / name)
+
+
+def test_animals_that_are_shown_are_written_as_they_face_and_as_long_as_they_are(tmp_path):
+    """One goes backwards: its body faces west while it moves east."""
+    rows = [f"{t},{t / 10},{n},{0.2 * t},{3.0 * n},{np.pi * (n == 1)}" for t in range(40) for n in range(3)]
+    (tmp_path / "a.csv").write_text("frame,time,id,x,y,heading\n" + "\n".join(rows))
+    show = open_show(tmp_path / "a.csv", None, Looking(unit="m", body_length_m=0.5))
+    show.export(tmp_path / "b.csv")
+    head, *rows = [line.split(",") for line in (tmp_path / "b.csv").read_text().splitlines()]
+    told = [dict(zip(head, row, strict=True)) for row in rows]
+    assert {round(abs(float(row["heading"])), 3) for row in told if row["id"] == "1"} == {3.142}
+    assert {round(abs(float(row["heading"])), 3) for row in told if row["id"] != "1"} == {0.0}
+    assert all(float(row["vx"]) > 0 and float(row["length"]) == 0.5 for row in told)
+    assert read_trajectories(tmp_path / "b.csv").body_length == 0.5
+    assert show._moment(3).length.tolist() == [0.5] * 3
 
 
 def test_geese_lifted_from_a_film_make_a_brush_that_flies_as_they_did(tmp_path, show):

@@ -425,23 +425,6 @@ def test_animals_that_are_shown_keep_names_frames_and_times(tmp_path, capsys):
     assert again.flight.start == pytest.approx(10.0) and read_flight(tmp_path / "b.csv").names == ("7", "Ada", "Bob")
 
 
-def test_animals_that_are_shown_are_written_as_they_face_and_as_long_as_they_are(tmp_path):
-    """One goes backwards: its body faces west while it moves east."""
-    from flockbrush.lifting.ground_show import open_show
-
-    rows = [(t, t / 10, n, 0.2 * t, 3.0 * n, np.pi * (n == 1)) for t in range(FRAMES) for n in range(3)]
-    path = written(tmp_path / "a.csv", "frame,time,id,x,y,heading", rows)
-    show = open_show(path, None, Looking(unit="m", body_length_m=0.5))
-    show.export(tmp_path / "b.csv")
-    head, *rows = [line.split(",") for line in (tmp_path / "b.csv").read_text().splitlines()]
-    told = [dict(zip(head, row, strict=True)) for row in rows]
-    assert {round(abs(float(row["heading"])), 3) for row in told if row["id"] == "1"} == {3.142}
-    assert {round(abs(float(row["heading"])), 3) for row in told if row["id"] != "1"} == {0.0}
-    assert all(float(row["vx"]) > 0 and float(row["length"]) == 0.5 for row in told)
-    assert read_trajectories(tmp_path / "b.csv").body_length == 0.5
-    assert show._moment(3).length.tolist() == [0.5] * 3
-
-
 def test_animals_in_body_lengths_are_not_said_to_be_in_metres(tmp_path):
     from flockbrush.lifting.ground_show import open_show
 
