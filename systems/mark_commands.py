@@ -172,9 +172,7 @@ class PlaceKey(OfThing):
 
     def given(self):
         """The command's arguments, with the place where the key stands."""
-        known = commands().get(self.command)
-        here = known is not None and ("x", "y") in places_of(known, self.args)
-        return ({"x": self.x, "y": self.y} if here else {}) | self.args
+        return own_place(self.command, self.args, (self.x, self.y)) | self.args
 
     def rescript(self):
         """(key, s, command): what the script does from now on."""
@@ -186,6 +184,13 @@ class PlaceKey(OfThing):
     def apply(self, world):
         self.foresee(world)
         world.resource(Landscape).changed()
+
+
+def own_place(command, args, xy):
+    """The arguments that a key at (x, y) m may leave out of a command with these: those of its own place, if any."""
+    known = commands().get(command)
+    here = known is not None and ("x", "y") in places_of(known, args)
+    return dict(zip("xy", xy, strict=True)) if here else {}
 
 
 def _check_free(land, mine):
@@ -208,9 +213,10 @@ def _draw_area(area, at):
 
 
 def _place_key(key, at):
-    place = dict(zip("xy", key.xy.tolist(), strict=True))
-    args = {name: value for name, value in key.args.items() if name not in place or value != place[name]}
-    return PlaceKey(key.id, key.name, float(key.at), key.command, args, *place.values(), at)
+    xy = key.xy.tolist()
+    here = own_place(key.command, key.args, xy)
+    args = {name: value for name, value in key.args.items() if name not in here or value != here[name]}
+    return PlaceKey(key.id, key.name, float(key.at), key.command, args, *xy, at)
 
 
 KINDS |= {

@@ -371,14 +371,13 @@ class AppActions:
 
     def ask_key(self, xy, key=None, name=""):
         """Open a form for a key of the level's script: a new one at a point, or an existing one."""
-        from flockbrush.systems.mark_commands import PlaceKey
+        from flockbrush.systems.mark_commands import PlaceKey, own_place
 
         known, world = live_commands(), self.session.simulation
         if key is not None and key.command not in known:
             self.notify(f"{key.command} has values that this form cannot show; change this key in Tiled", "warning")
             return
         xy = tuple(key.xy.tolist()) if xy is None else tuple(round(float(value), 2) for value in xy)
-        position = dict(zip("xy", xy, strict=True))
         name = name or (key.command if key else "Gust" if "Gust" in known else next(iter(known)))
         same = key is not None and name == key.command
         shown_command = from_record(name, key.args) if same else blank(known[name], xy)
@@ -388,7 +387,7 @@ class AppActions:
         def give(texts):
             try:
                 command = changed(shown_command, {row: text for row, text in texts.items() if row != "when"})
-                args = {row: value for row, value in said(command).items() if value != position.get(row)}
+                args = said(command, own_place(name, vars(command), xy))
                 at = number(texts["when"], "time")
                 place = PlaceKey(key.id if key else self.new_id(), called, at, name, args, *xy)
                 return self.do(f"{'change' if key else 'place'} a script key", [*needed(self.session, command), place])

@@ -57,9 +57,10 @@ def changed(command, texts):
     return from_record(type(command).__name__, values)
 
 
-def said(command) -> dict:
-    """The fields of a command that differ from their defaults, by name: the arguments of a script key."""
-    return {f.name: value for f in fields(command) if (value := getattr(command, f.name)) != _default(f)}
+def said(command, here) -> dict:
+    """The arguments of a script key that gives a command: its fields, but what it has from its place or by default."""
+    left_out = {field.name: _default(field) for field in fields(command)} | here
+    return {name: value for name, value in vars(command).items() if value != left_out[name]}
 
 
 def _default(one):

@@ -140,6 +140,23 @@ def test_what_was_drawn_is_in_the_recording(window, tmp_path):
     assert names.count("DrawZone") == 1
 
 
+def test_a_script_key_of_a_direction_keeps_it_in_its_form_whatever_its_place_is(window, tmp_path):
+    window.key("j")
+    for command, x, texts in (("Gust", 12, {"x": "12", "y": "3"}), ("SwitchBrush", 16, {"x": "0"})):
+        window.click((x, 3))
+        window.dialog.choose(command)
+        window.frames(2)
+        for name, text in ({"when": "9", "brush": "swarm"} | texts).items():
+            if name in window.dialog.entries:
+                window.dialog.entries[name].set_text(text)
+        window.key("return")
+        window.frames(2)
+    gust, switch = saved(window, tmp_path).script
+    assert (gust.args["x"], gust.args["y"], gust.xy.tolist()) == (12.0, 3.0, pytest.approx([12.0, 3.0], abs=0.1))
+    assert (switch.args["x"], switch.args["y"]) == (0.0, pytest.approx(3.0, abs=0.1))
+    assert window.said("error") == []
+
+
 def test_a_script_key_is_placed_moved_changed_and_followed(window, tmp_path):
     window.key("j")
     window.click((12, 3))

@@ -1,5 +1,7 @@
 """Zones, counting lines and measured areas that are drawn, moved and taken away in a living level."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from edited_scene import do, land_of
@@ -10,6 +12,8 @@ from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Zone
 from flockbrush.systems.edits import RemoveThing, as_command
+from flockbrush.systems.gusts import Gust  # noqa: F401
+from flockbrush.systems.leaders import Steer  # noqa: F401
 from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone, PlaceKey
 from flockbrush.systems.marks import Key
 from flockbrush.systems.named_regions import in_region
@@ -226,6 +230,26 @@ def test_undo_takes_back_what_a_key_was_to_do():
     assert [tick for tick, _ in simulation.world.resource(Commands).pending] == [16]
     do(simulation, *back)
     assert simulation.world.resource(Commands).pending == []
+
+
+@pytest.mark.parametrize(
+    ("name", "args"),
+    [
+        ("Gust", {"x": 14.0, "y": 1.0}),
+        ("Steer", {"x": 1.0, "y": 0.0, "kind": "direction"}),
+        ("Migrate", {"x": 3.0, "y": 14.0, "z": 0.0, "kind": "direction"}),
+        ("RemoveAnimals", {"x": 14.0, "y": 3.0, "radius": 50.0}),
+    ],
+)
+def test_undo_keeps_a_direction_with_the_numbers_of_the_place_of_its_key(name, args):
+    simulation = field()
+    placed = PlaceKey(40, "key", 0.5, name, args, 1.0 if name == "Steer" else 14.0, 14.0)
+    do(simulation, placed)
+    pending, before = simulation.world.resource(Commands).pending, state_hash(simulation.world)
+    back = do(simulation, replace(placed, when=0.75))
+    do(simulation, *back)
+    assert simulation.world.resource(Commands).pending == pending
+    assert state_hash(simulation.world) == before
 
 
 def test_a_key_of_the_level_that_is_moved_acts_once_and_a_snapshot_has_what_waits():
