@@ -292,8 +292,14 @@ class Commands:
         for tick, cmd, *key in entries:
             self._push(tick, cmd, *key)
 
-    def apply(self, world):
+    def apply(self, world, script=()):
         """Apply all that is due, in order of tick, then of submission.
+
+        Parameters
+        ----------
+        world : World
+        script : sequence of int
+            Keys in the order of the level's script: in this order comes what they give in one tick.
 
         Raises
         ------
@@ -302,6 +308,7 @@ class Commands:
             whoever goes on can call this again.
         """
         now = world.resource(Clock).tick
+        self._order_keys(script, now)
         while self._pending and self._pending[0][0] <= now:
             _, _, cmd, key = heapq.heappop(self._pending)
             try:
@@ -309,6 +316,16 @@ class Commands:
             except (ValueError, LookupError) as error:
                 raise CommandError(now, cmd, error.args[0] if error.args else error, self.source, key) from error
             self._applied(world, cmd)
+
+    def _order_keys(self, script, now):
+        """Have keys of one tick that are due take their turns in the order of the script."""
+        rank = {key: k for k, key in enumerate(script)}
+        turns = sorted((entry for entry in self._pending if entry[0] <= now and entry[3] in rank), key=lambda e: e[:2])
+        if len(turns) > 1:
+            others = [entry for entry in self._pending if entry[0] > now or entry[3] not in rank]
+            due = sorted(turns, key=lambda entry: (entry[0], rank[entry[3]]))
+            self._pending = [*others, *((*turn[:2], *entry[2:]) for turn, entry in zip(turns, due, strict=True))]
+            heapq.heapify(self._pending)
 
     def perform(self, world, commands):
         """Do these at once, all of them or none, before whatever waits: an edit of a designer.

@@ -31,7 +31,8 @@ class ApplyCommands(System):
     writes = (Commands, Landscape, Palette, Programs, SpeciesList, Component)
 
     def process(self, world):
-        world.resource(Commands).apply(world)
+        script = world.resource(Landscape).marks.keys if world.has(Landscape) else []
+        world.resource(Commands).apply(world, [key.id for key in script])
         if world.has(Landscape):
             land, clock = world.resource(Landscape), world.resource(Clock)
             for glide in list(land.glides):

@@ -158,12 +158,14 @@ class PlaceKey(OfThing):
         due = tick_at(self.when, clock.dt)
         if self.at >= 0 or due < clock.tick:  # put back as it was, or never given
             return
-        waiting = [(tick_at(key.at, clock.dt), key) for key in keys if key.id != self.id]
         with rehearsal(world):
-            for tick, key in sorted(waiting, key=itemgetter(0)):
-                if clock.tick <= tick <= due:
-                    with suppress(ValueError, LookupError):  # whatever is wrong with it is told when it is due
-                        foreseen(world, from_record(key.command, key.args))
+            self.foresee(world)
+            waiting = ((tick_at(key.at, clock.dt), key) for key in list(keys))
+            for _, key in sorted((entry for entry in waiting if clock.tick <= entry[0] <= due), key=itemgetter(0)):
+                if key.id == self.id:
+                    break
+                with suppress(ValueError, LookupError):  # whatever is wrong with it is told when it is due
+                    foreseen(world, from_record(key.command, key.args))
             foreseen(world, from_record(self.command, self.given()))
 
     def foresee(self, world):

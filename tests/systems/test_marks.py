@@ -233,6 +233,38 @@ def test_undo_takes_back_what_a_key_was_to_do():
 
 
 @pytest.mark.parametrize(
+    "edit",
+    [
+        [],
+        [lambda: switch(40, 0.25, "calm"), "undo"],
+        [lambda: RemoveThing("key", 40), "undo"],
+        [lambda: switch(40, 0.25, "run"), lambda: switch(41, 0.25, "calm")],  # the later in the file wins
+        [lambda: switch(42, 0.25, "calm")],
+    ],
+)
+def test_keys_of_one_tick_take_their_turns_in_the_order_of_the_script_however_they_were_edited(edit):
+    script = [
+        Key(40, "first", 0.5, "SwitchBrush", {"brush": "run"}, np.array([14.0, 14.0])),
+        Key(41, "second", 0.25, "SwitchBrush", {"brush": "calm"}, np.array([14.0, 14.0])),
+        Key(42, "third", 0.5, "SwitchBrush", {"brush": "run"}, np.array([14.0, 14.0])),
+    ]
+    simulation = field(script=script)
+    do(simulation, switch(40, 0.25, "run"))
+    for step in edit:
+        back = do(simulation, *(back if step == "undo" else [step()]))
+    kept = snapshot(simulation.world)
+    saved = field(script=land_of(simulation).marks.keys)
+    for lived in (simulation, saved, simulation):
+        lived.run(10)
+        assert set(lived.agents[BrushBinding.home].tolist()) == {0}
+        restore(simulation.world, kept)
+
+
+def switch(number, when, brush):
+    return PlaceKey(number, "key", when, "SwitchBrush", {"brush": brush, "species": ""}, 14.0, 14.0)
+
+
+@pytest.mark.parametrize(
     ("name", "args"),
     [
         ("Gust", {"x": 14.0, "y": 1.0}),
