@@ -123,7 +123,8 @@ class DrawGuide(OfThing):
 class PlaceGoal(OfThing):
     """Place a goal, or change the one with this id.
 
-    The first goal of a world binds everybody, as a level with a goal does.  A goal that is an area moves with it.
+    The first goal of a world binds everybody, as a level with a goal does; one that is placed before the others has the
+    animals of the one that was first.  A goal that is an area moves with it.
     """
 
     kind = "goal"
@@ -193,8 +194,8 @@ class PlaceGoal(OfThing):
         self.foresee(world)
         if first:
             bound[:] = 0
-        elif new:
-            bound[bound >= self.there(land)] += 1
+        elif new:  # whoever goes to the first goal goes to the one that is first now
+            bound[bound >= max(self.there(land), 1)] += 1
         land.navigate()
 
 
@@ -340,7 +341,7 @@ class MarkSpawn(OfThing):
 class RemoveThing(OfThing):
     """Take a thing out of the level: an obstacle, guide, goal, exit, spawn, zone, line, area or script key.
 
-    The animals of a spawn stay.
+    The animals of a spawn stay.  Those of the first goal go to the next one, those of another goal are free.
     """
 
     kind: str
@@ -376,9 +377,9 @@ class RemoveThing(OfThing):
             return RemoveObstacle(self.name, self.id, self.there(world)).touches(world)
         if self.kind != "goal":
             return super().touches(world)
-        rows, alone = np.arange(len(world.agents)), len(world.resource(Landscape).goals) == 1
-        # the first goal of a world binds everybody, so that those who were free have to be set free again
-        return [*super().touches(world), TouchedColumns(rows, (Destination.goal,), later=alone)]
+        rows, first = np.arange(len(world.agents)), self.there(world) == 0
+        # a goal that becomes the first binds those of the one before, or everybody, so all have to be bound again
+        return [*super().touches(world), TouchedColumns(rows, (Destination.goal,), later=first)]
 
     def foresee(self, world):
         index = self.there(world)
@@ -398,7 +399,8 @@ class RemoveThing(OfThing):
             land.changed()
         elif self.kind == "goal":
             bound = world.agents[Destination.goal]
-            bound[bound == index] = -1
+            if index or not land.goals:  # else they go to the one that is first now, as animals of a level do
+                bound[bound == index] = -1
             bound[bound > index] -= 1
             land.navigate()
         elif self.kind == "guide":

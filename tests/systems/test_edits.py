@@ -190,17 +190,31 @@ def test_the_first_goal_binds_everybody_and_goes_without_a_trace():
     assert land_of(simulation).goals == []
 
 
-def test_a_goal_that_goes_sets_its_animals_free_and_finds_them_again():
+@pytest.mark.parametrize(
+    ("command", "names", "then"),
+    [
+        (RemoveThing("goal", 22), ["gate"], [0, 0, -1, -1, -1]),
+        (RemoveThing("goal", 21), ["well"], [0, 0, -1, 0, 0]),  # as in the saved level, where all go to the first
+        (PlaceGoal(40, "pen", 20.0, 20.0, at=0), ["pen", "gate", "well"], [0, 0, -1, 2, 2]),
+        (PlaceGoal(40, "pen", 20.0, 20.0, at=1), ["gate", "pen", "well"], [0, 0, -1, 2, 2]),
+    ],
+)
+def test_animals_of_the_first_goal_go_to_what_is_first_and_those_of_others_are_free(command, names, then):
     simulation = scene()
     do(simulation, SendTo("well", "dog"), SendTo("", x=20.0, y=10.0, radius=1.0))
     bound = simulation.agents[Destination.goal].tolist()
-    back = do(simulation, RemoveThing("goal", 21))
     assert bound == [0, 0, -1, 1, 1]
-    assert simulation.agents[Destination.goal].tolist() == [-1, -1, -1, 0, 0]
-    simulation.run(3)
-    do(simulation, *back)
-    assert [goal.name for goal in land_of(simulation).goals] == ["gate", "well"]
-    assert simulation.agents[Destination.goal].tolist() == bound
+    for _ in range(2):
+        back = do(simulation, command)
+        assert [goal.name for goal in land_of(simulation).goals] == names
+        assert simulation.agents[Destination.goal].tolist() == then
+        simulation.run(3)
+        again = do(simulation, *back)
+        assert [goal.name for goal in land_of(simulation).goals] == ["gate", "well"]
+        assert simulation.agents[Destination.goal].tolist() == bound
+        back = do(simulation, *again)
+        assert simulation.agents[Destination.goal].tolist() == then
+        do(simulation, *back)
 
 
 def test_a_goal_that_was_given_an_area_is_a_point_again():
