@@ -114,6 +114,12 @@ def places_of(cls, values):
     return [pair for pair in (*pairs, ("to_x", "to_y"), ("at_x", "at_y")) if set(pair) <= set(known)]
 
 
+def usual_values(cls):
+    """{field: value} of what a command of this class has where nothing is given."""
+    values = {f.name: f.default if f.default_factory is MISSING else f.default_factory() for f in fields(cls)}
+    return {name: value for name, value in values.items() if value is not MISSING}
+
+
 def to_record(cmd):
     """(name, fields) of a command, ready for JSON."""
     return type(cmd).__name__, {f.name: getattr(cmd, f.name) for f in fields(cmd)}

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 from functools import singledispatchmethod
 
 import numpy as np
+from flockbrush.engine.commands import commands, usual_values
+from flockbrush.engine.problems import did_you_mean
 from flockbrush.levels import geometry
 from flockbrush.levels.document_changes import MISSING, EditError, KeySet, TilesPut, put
 from flockbrush.levels.document_nodes import binds_some, brush_files, every_layer, values_of
 from flockbrush.levels.layer_reader import kind_of
 from flockbrush.levels.level_files import DiskFiles
-from flockbrush.levels.map_objects import MapObjects
+from flockbrush.levels.map_objects import TYPES, MapObjects
 from flockbrush.levels.playground_tiles import PlaygroundTiles
 from flockbrush.levels.schema import CLASSES, GROUP
 from flockbrush.levels.tile_data import FLIP_FLAGS, TileGrid
@@ -368,8 +370,7 @@ class EditedMap(MapObjects):
         if existing is not None:
             shape, outline = self.outline(existing[0], *existing[2:])
             points = outline + (xy - (geometry.centroid(outline) if shape == "area" else outline[0]))
-        properties = {name: value for name, value in command.args.items() if not isinstance(value, list)}
-        properties |= {"at": command.when, "command": command.command}
+        properties = _properties_of_key(command, points)
         self.draw(command.id, "Key", command.name, shape, points, properties, command.at)
 
     @do.register
@@ -396,3 +397,20 @@ class EditedMap(MapObjects):
         if cls == "Spawn":
             self.need_another_spawn(command.id)
         self.drop(command.id, cls)
+
+
+def _properties_of_key(key, outline):
+    """The properties of a key's object, which has this outline (k, 2) m; EditError for what none can hold."""
+    known = commands()
+    if key.command not in known:
+        raise EditError(f"there is no command {key.command!r}{did_you_mean(key.command, known)}")
+    own, usual, properties = {"at": key.when, "command": key.command}, usual_values(known[key.command]), {}
+    for name, value in key.args.items():
+        drawn = name == "points" and np.shape(value) == outline.shape and np.allclose(value, outline, atol=1e-6)
+        plain = type(value) in TYPES and name not in own
+        if plain:
+            properties[name] = value
+        elif not drawn and (name not in usual or value != usual[name]):
+            why = f"a key has its own {name}" if name in own else "it must be a number, a text, true or false"
+            raise EditError(f"no key of a level can hold {name} {str(value)[:60]!r} of {key.command}: {why}")
+    return properties | own

@@ -9,7 +9,7 @@ from flockbrush.levels.object_outlines import outline_of, reshape, shape_as
 from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.tiled import project_member
 
-_TYPES = {bool: "bool", int: "int", float: "float", str: "string"}  # of arguments, as Tiled calls them
+TYPES = {bool: "bool", int: "int", float: "float", str: "string"}  # of arguments, as Tiled calls them
 
 
 class MapObjects:
@@ -96,7 +96,7 @@ class MapObjects:
                 members[name] = value
             elif p is None:
                 entries = [e for e in entries if e is not entry]
-                entries.append({"name": name, "type": _TYPES[type(value)], "value": value})
+                entries.append({"name": name, "type": TYPES[type(value)], "value": value})
             elif entry is None:
                 if value != p.default or p.required:
                     entries.append({**project_member(p, "propertytype"), "value": value})

@@ -10,7 +10,7 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingContainer, UITextEntryLine, UIWindow
 
-from flockbrush.engine.commands import commands, from_record, places_of
+from flockbrush.engine.commands import commands, from_record, places_of, usual_values
 from flockbrush.levels.schema import CLASSES
 from flockbrush.studio.theme import px
 
@@ -59,12 +59,8 @@ def changed(command, texts):
 
 def said(command, here) -> dict:
     """The arguments of a script key that gives a command: its fields, but what it has from its place or by default."""
-    left_out = {field.name: _default(field) for field in fields(command)} | here
-    return {name: value for name, value in vars(command).items() if value != left_out[name]}
-
-
-def _default(one):
-    return one.default if one.default_factory is MISSING else one.default_factory()
+    left_out = usual_values(type(command)) | here
+    return {name: value for name, value in vars(command).items() if name not in left_out or value != left_out[name]}
 
 
 def live_commands() -> dict[str, type]:

@@ -3,6 +3,7 @@
 import base64
 import json
 import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from flockbrush.levels.editor import EditError, Editor
 from flockbrush.levels.level_writer import Document
 from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing
-from flockbrush.systems.mark_commands import DrawZone
+from flockbrush.systems.leaders import Steer  # noqa: F401
+from flockbrush.systems.mark_commands import DrawZone, PlaceKey
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_level import GRASS, MARCH, SLOW, herd, objects, polyline, properties, thing, tiles
@@ -422,6 +424,34 @@ def test_the_corners_of_a_hull_are_in_the_file():
 # what it refuses ---------------------------------------------------------------------------------------------
 
 
+def key(command, **args):
+    return PlaceKey(6, "cue", 1.0, command, args, 3.0, 3.0)
+
+
+def test_a_key_leaves_out_what_it_has_by_default_and_no_property_can_be():
+    edit = editor(tiles(), objects("spawns", herd()))
+    done(edit, key("AddAnimals", brush="march", radius=1.0, heading=None))
+    done(edit, replace(key("RemoveObstacle", name="a", at=-1), id=7))
+    done(edit, replace(key("Steer", entities=[], x=1.0, y=0.0, kind="direction"), id=8))
+    add, remove, steer = (given.args for given in read(edit).script)
+    assert add == {"brush": "march", "radius": 1.0, "x": 3.0, "y": 3.0} and remove == {"name": "a"}
+    assert steer == {"x": 1.0, "y": 0.0, "kind": "direction"}
+
+
+def test_a_key_that_is_drawn_as_an_outline_moves_with_what_it_gives():
+    area = thing(6, "Key", 16, 16, 32, 32, "cue", at=1.0, command="DrawZone", id=9, brush="march")
+    area["properties"] += properties(name="pen")
+    edit = editor(tiles(), objects("spawns", herd()), objects("script", area))
+    (given,) = read(edit).script
+    place = PlaceKey(6, "cue", 1.0, given.command, given.args, *given.xy.tolist())
+    with pytest.raises(EditError, match="can hold points"):
+        edit.check([replace(place, x=9.0)])
+    points = (np.array(given.args["points"]) + (1.5, -2.25)).tolist()
+    done(edit, replace(place, x=place.x + 1.5, y=place.y - 2.25, args=given.args | {"points": points}))
+    (after,) = read(edit).script
+    np.testing.assert_allclose(after.args["points"], points, atol=1e-6)
+
+
 def test_what_the_file_cannot_say_is_refused_and_nothing_has_changed():
     fold = thing(5, "Goal", 16, 16, name="fold", extra={"point": True})
     cue = thing(6, "Key", 0, 0, extra={"point": True}, at=1.0, command="SendTo", goal="fold")
@@ -436,6 +466,13 @@ def test_what_the_file_cannot_say_is_refused_and_nothing_has_changed():
         (PlaceGoal(5, "pen", 3.0, 3.0), "the script names goal 'fold'"),
         (DrawGuide(5, "way", [[1.0, 1.0], [2.0, 2.0]]), "object 5 of the level is Goal, not Guide"),
         (MoveGoal("nowhere", 3.0, 3.0), "the level has no goal 'nowhere'"),
+        (key("Steer", entities=[2], x=1.0, y=0.0), r"no key of a level can hold entities '\[2\]' of Steer: it must be"),
+        (key("RemoveEntities", entities=[]), "can hold entities '\\[\\]' of RemoveEntities"),
+        (key("DrawArea", id=9, name="yard", points=[[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]), "hold points .* of DrawArea"),
+        (key("MixBrush", name="march", paths={}), "can hold paths '{}' of MixBrush"),
+        (key("PlaceGoal", id=9, name="pen", x=None, y=2.0), "can hold x 'None' of PlaceGoal"),
+        (key("RemoveObstacle", name="stone", at=1), "can hold at '1' of RemoveObstacle: a key has its own at"),
+        (key("NoSuch"), "there is no command 'NoSuch'"),
     ):
         for refused in (edit.check, lambda commands: edit.do("edit", commands)):
             with pytest.raises(EditError, match=reason):

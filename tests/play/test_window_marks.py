@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.mixture import is_step
 from flockbrush.levels.reader import read_level
+from flockbrush.systems.mark_commands import PlaceKey
 from flockbrush.systems.palette import Palette
 from small_pasture import pasture, verified
 from window import Window
 
-from flockbrush.studio.tools.world_tools import things
+from flockbrush.studio.tools.world_tools import moved, things
 
 
 @pytest.fixture
@@ -155,6 +156,12 @@ def test_a_script_key_of_a_direction_keeps_it_in_its_form_whatever_its_place_is(
     assert (gust.args["x"], gust.args["y"], gust.xy.tolist()) == (12.0, 3.0, pytest.approx([12.0, 3.0], abs=0.1))
     assert (switch.args["x"], switch.args["y"]) == (0.0, pytest.approx(3.0, abs=0.1))
     assert window.said("error") == []
+
+
+def test_a_key_that_is_drawn_as_an_outline_moves_what_it_gives():
+    args = {"id": 9, "name": "yard", "points": [[1.0, 1.0], [4.0, 1.0], [4.0, 4.0]]}
+    key = moved(PlaceKey(40, "cue", 1.0, "DrawArea", args, 3.0, 2.0), np.array([2.0, 0.5]))
+    assert (key.x, key.y, key.args["points"]) == (5.0, 2.5, [[3.0, 1.5], [6.0, 1.5], [6.0, 4.5]])
 
 
 def test_a_script_key_is_placed_moved_changed_and_followed(window, tmp_path):

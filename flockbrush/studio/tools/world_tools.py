@@ -120,4 +120,7 @@ def moved(command, shift):
     changes = {"points": rows(np.asarray(points) + shift)} if points else {}
     if hasattr(command, "x"):
         changes |= dict(zip("xy", (np.array([command.x, command.y]) + shift).tolist(), strict=True))
+    args = getattr(command, "args", {})
+    if args.get("points"):  # a key that is drawn as an outline moves what it gives
+        changes["args"] = args | {"points": (np.asarray(args["points"]) + shift).tolist()}
     return replace(command, **changes)
