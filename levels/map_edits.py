@@ -326,10 +326,12 @@ class EditedMap(MapObjects):
         shape, points = "point", None if command.x is None else np.array([(command.x, command.y)])
         if existing is not None and existing[0].get("name") != command.name:
             self.need_unnamed(existing[0].get("name"))
-        if existing is not None and points is not None:
+        if existing is not None:
             before, outline = self.outline(existing[0], *existing[2:])
-            if before == "area":
-                shape, points = before, outline + (points[0] - geometry.centroid(outline))
+            middle = geometry.centroid(outline) if before == "area" else outline[0]
+            points = middle[None] if points is None else points
+            if before == "area" and command.points is not None:
+                shape, points = before, outline + (points[0] - middle)
         if command.points:
             shape, points = "area", np.array(command.points, float)
         self.draw(command.id, "Goal", command.name, shape, points, properties, command.at)

@@ -33,6 +33,7 @@ from flockbrush.systems.obstacle_commands import (
 from flockbrush.systems.paint_commands import FAR, LAYERS, Paint, PaintCells, fill, off_the_map, pick, region
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.selection import check_can_come
+from flockbrush.systems.terrain import centroid
 from flockbrush.systems.undo import TouchedAnimals, TouchedColumns, UseBrush, goal_index, need
 
 __all__ = [
@@ -131,7 +132,7 @@ class PlaceGoal(OfThing):
     as_it_stands: ClassVar[tuple[dict, ...]] = ({"x": None, "y": None, "points": []},)
     id: int
     name: str
-    x: float | None  # m; x and y None: as the one with its id stands
+    x: float | None  # m; x and y None: the middle of the points, or as the one with its id stands
     y: float | None
     radius: float = 5.0  # m
     on_arrive: str = "stay"
@@ -158,7 +159,9 @@ class PlaceGoal(OfThing):
         if index is not None and land.goals[index].name != self.name:
             _check_free(land, land.goals[index].name)
         if self.points:
-            polygon_of(self.points, "a goal")
+            middle = centroid(polygon_of(self.points, "a goal"))
+            near = np.abs(middle - (x, y)).max() <= 1e-3
+            need(near, f"x and y must be the middle of the points, ({middle[0]:.12g}, {middle[1]:.12g}), or left out")
 
     def there(self, land):
         """Index of the goal it takes the place of, or None."""
@@ -170,8 +173,8 @@ class PlaceGoal(OfThing):
         if self.x is not None and self.y is not None:
             return np.array([self.x, self.y])
         index = self.there(land)
-        need(self.x is self.y is None and index is not None, f"goal {self.name!r} needs x and y")
-        return land.goals[index].xy
+        need(self.x is self.y is None and (self.points or index is not None), f"goal {self.name!r} needs x and y")
+        return centroid(polygon_of(self.points, "a goal")) if self.points else land.goals[index].xy
 
     def ground_box(self, world):
         return "all"

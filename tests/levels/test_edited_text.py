@@ -338,6 +338,10 @@ def test_an_area_goal_stays_an_area_when_it_moves():
     assert goal.polygon.max(0).tolist() == [12.0, 12.0]
     done(edit, MoveGoal("fold", 4.0, 6.0))
     assert read(edit).goals[0].xy.tolist() == [4.0, 6.0]
+    done(edit, PlaceGoal(5, "fold", None, None, 3.0))
+    assert read(edit).goals[0].polygon is not None
+    done(edit, PlaceGoal(5, "fold", None, None, 3.0, points=None))
+    assert (read(edit).goals[0].polygon, read(edit).goals[0].xy.tolist()) == (None, [4.0, 6.0])
 
 
 def test_properties_of_every_spelling_are_changed_where_they_are():

@@ -404,7 +404,7 @@ def test_a_goal_is_moved_with_the_select_tool(window):
 
 def test_a_goal_that_lies_around_a_place_is_held_by_its_flag_and_edge_and_not_in_the_middle(window):
     ring = [[4, 3], [20, 3], [20, 13], [4, 13], [4, 9], [6, 9], [6, 11], [18, 11], [18, 5], [6, 5], [6, 7], [4, 7]]
-    assert window.session.do("ring", [PlaceGoal(window.session.editor.new_id(), "ring", 12.0, 8.0, points=ring)])
+    assert window.session.do("ring", [PlaceGoal(window.session.editor.new_id(), "ring", None, None, points=ring)])
     goal = goals(window)["ring"]
     assert touches("goal", goal, sign_of(goal), 0.1) and touches("goal", goal, np.array([20.0, 8.0]), 0.1)
     assert not touches("goal", goal, np.array([12.0, 8.0]), 0.1)
@@ -417,7 +417,7 @@ def test_a_goal_that_lies_around_a_place_is_held_by_its_flag_and_edge_and_not_in
 
 def test_a_goal_that_is_dragged_is_shown_as_it_will_lie(window, monkeypatch):
     triangle = np.array([[4.0, 3.0], [9.0, 3.0], [4.0, 8.0]])
-    assert window.session.do("a", [PlaceGoal(window.new_id(), "area", 6.0, 5.0, points=triangle.tolist())])
+    assert window.session.do("a", [PlaceGoal(window.new_id(), "area", None, None, points=triangle.tolist())])
     assert window.session.do("b", [PlaceGoal(window.new_id(), "place", 16.0, 10.0, 2.0)])
     window.key("h")
     shown = []

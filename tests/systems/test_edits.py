@@ -228,6 +228,12 @@ def test_a_goal_that_was_given_an_area_is_a_point_again():
     assert land_of(simulation).goals[0].polygon.mean(0) == pytest.approx([25.3, 20.7])
 
 
+def test_a_goal_that_is_an_area_is_in_the_middle_of_it():
+    simulation = scene()
+    do(simulation, PlaceGoal(21, "gate", None, None, points=[[1.0, 1.0], [7.0, 1.0], [1.0, 7.0]]))
+    assert land_of(simulation).goals[0].xy.tolist() == [3.0, 3.0]
+
+
 def test_goals_lead_to_one_another_by_name():
     simulation = scene()
     do(simulation, PlaceGoal(30, "pen", 20.0, 30.0, 1.0, "next", "well"))

@@ -29,6 +29,7 @@ BAD = [
     (AddObstacle("odd", None, id=50), "obstacle 'odd' needs points: there is no obstacle 50 in this world"),
     (PlaceGoal(50, "odd", None, None), "goal 'odd' needs x and y"),
     (PlaceGoal(21, "gate", 3.0, None), "goal 'gate' needs x and y"),
+    (PlaceGoal(21, "gate", 3.0, 3.0, points=SQUARE), "must be the middle of the points, (13.5, 21.5), or left out"),
     (AddObstacle("odd", SQUARE, id=50, margin=-1.0), "margin must be 0 to 1000 m, got -1"),
     (RemoveObstacle(id=77), "no obstacle 77 in this world"),
     (DrawGuide(40, "way", [[5.0, 5.0]]), "a guide needs at least two different points, got 1"),

@@ -119,6 +119,7 @@ def moved(command, shift):
     points = getattr(command, "points", None)
     changes = {"points": rows(np.asarray(points) + shift)} if points else {}
     if hasattr(command, "x"):
+        changes = {"points": []} if points else {}  # those of a goal move with it
         changes |= dict(zip("xy", (np.array([command.x, command.y]) + shift).tolist(), strict=True))
     args = getattr(command, "args", {})
     if args.get("points"):  # a key that is drawn as an outline moves what it gives
