@@ -306,7 +306,7 @@ def landscape_of(level, palette):
         native.cost,
         relief_of() if height is None else relief_of(height.values, height.cell, level.boundary == "wrap"),
         1.0 if height is None else height.cell,
-        [replace(o) for o in sorted(level.obstacles, key=lambda o: not o.on_the_ground)],
+        [replace(o) for o in level.obstacles],
         [replace(guide) for guide in level.guides],
         [replace(goal, xy=np.asarray(goal.xy, float)) for goal in level.goals],
         [replace(way_out) for way_out in level.exits],

@@ -1,6 +1,7 @@
 """What a designer does to a living level: strokes, things, animals, and the way back from each."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from flockbrush.systems.painting import blended, cells_of, runs_of, stroke_cells
 from flockbrush.systems.palette import Palette
 from hypothesis import given
 from hypothesis import strategies as st
-from small_herd import box, gaps_of, meadow, put, xy_of
+from small_herd import box, gaps_of, meadow, obstacle, put, xy_of
 
 # strokes ------------------------------------------------------------------------------------
 
@@ -264,6 +265,14 @@ def test_what_hangs_over_the_ground_is_taken_away_by_its_id_and_comes_back():
     for command in back:
         command.apply(simulation.world)
     assert [(b.name, b.z_min) for b in land.overhead] == [("beam", 5.0)]
+
+
+def test_obstacles_on_the_ground_and_above_it_have_the_order_of_the_level():
+    cloud = replace(obstacle(box(3, 3, 6, 6), "cloud"), z_min=3.0, z_max=5.0)
+    edited = meadow(CALM, obstacles=[cloud])
+    do(edited, AddObstacle("stone", box(9, 9, 12, 12).tolist(), id=30))
+    built = meadow(CALM, obstacles=[cloud, obstacle(box(9, 9, 12, 12), "stone")])
+    assert [[thing.name for thing in land_of(each).obstacles] for each in (edited, built)] == [["cloud", "stone"]] * 2
 
 
 def test_animals_leave_by_an_exit_drawn_in_mid_run():
