@@ -278,7 +278,6 @@ class MarkSpawn(OfThing):
         check_can_come(world, self.species, self.brush, self.program)
         need(0 <= self.count <= MOST, f"count must be 0 to {MOST}, got {self.count}")
         need(self.count or self.rate, "count must be at least 1, got 0")
-        need(self.species, "a species needs a name")
         check_bounds(self, Spawn, ("formation", "start", "rate", "altitude", "depth", "family_size"))
         need(not (self.rate and self.family_size), "families need a rate of 0: they appear at once")
         need(self.speed is None or 0 <= self.speed <= 1000, f"speed must be 0 to 1000 m/s, got {self.speed}")

@@ -54,7 +54,8 @@ def check_can(world, brush, species):
 
 
 def check_can_come(world, species, brush, program):
-    """ValueError when a species, which may be new to this world, cannot move as a brush or a program does."""
+    """ValueError when a species, which may be new to this world, cannot move as a brush or a program does, or is none."""
+    need(species, "a species needs a name")
     fauna = SpeciesList([species], world.resource(SpeciesList).library)
     why = cannot(world.resource(Palette), fauna, brush, species)
     need(not why, why)

@@ -222,6 +222,7 @@ BAD = [
     (AddAnimals("run", 10.0, 10.0, 1.0, 0), "count must be 1 to 1000000, got 0"),
     (AddAnimals("run", 10.0, 10.0, 1.0, 10**7), "count must be 1 to 1000000"),
     (AddAnimals("run", 25.0, 10.0, 1.0, 500, "cow"), "of 500 animals fit"),
+    (AddAnimals("run", 10.0, 10.0, 1.0, species=""), "a species needs a name"),
     (AddAnimals("run", -30.0, -30.0, 2.0), "only 0 of 1 animals fit"),
     (RemoveAnimals(1.0, 1.0, -1.0), "radius must be at least 0 m"),
     (RemoveAnimals(1.0, 1.0, 1.0, "cow"), "no species 'cow'"),
