@@ -6,6 +6,7 @@ the reader's checks, the tables of the documentation, the tips of forms and the 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -228,6 +229,19 @@ class Spawn:
         "int", 0, "number of animals in a family; 0: no families; families need a rate of 0", low=0, high=10_000
     )
     since: float = 0.0  # s, when it was drawn: its start counts from there
+
+
+def radians_of(degrees):
+    """A heading (rad) from degrees counter-clockwise from east, as a level gives it."""
+    return float(np.deg2rad(degrees % 360))
+
+
+def degrees_text(heading):
+    """The degrees of a heading (rad) that `radians_of` makes this heading of, or else the nearest one it can make."""
+    turned = heading % math.tau
+    degrees = math.degrees(turned)
+    near = [degrees, math.nextafter(degrees, 0.0), math.nextafter(degrees, 360.0)]
+    return min([f"{degrees:.12g}", *map(repr, near)], key=lambda text: abs(radians_of(float(text)) - turned))
 
 
 def as_before(before, now):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import singledispatchmethod
 
 import numpy as np
+from flockbrush.components.level_things import degrees_text
 from flockbrush.engine.commands import commands, usual_values
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.levels import geometry
@@ -379,7 +380,7 @@ class EditedMap(MapObjects):
     def _(self, command: MarkSpawn):
         properties = {
             "species": command.species, "brush": command.brush, "count": command.count,
-            "heading": "random" if command.heading is None else f"{math.degrees(command.heading):.12g}",
+            "heading": "random" if command.heading is None else degrees_text(command.heading),
             "speed": command.speed or 0.0, "altitude": command.altitude, "start": command.start,
             "rate": command.rate, "formation": command.formation, "body_length": command.body_length or 0.0,
             "depth": command.depth, "program": command.program,

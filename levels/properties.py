@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-import numpy as np
+from flockbrush.components.level_things import radians_of
 from flockbrush.engine.problems import Problem, did_you_mean
 from flockbrush.levels.document_nodes import is_class
 from flockbrush.levels.level_class import ObjectClass, Property
@@ -219,7 +219,7 @@ def _heading(p, value):
         if word == "random":
             return None
         if word in COMPASS:
-            return float(np.deg2rad(COMPASS[word]))
+            return radians_of(COMPASS[word])
         try:
             value = float(word)
         except ValueError:
@@ -229,7 +229,7 @@ def _heading(p, value):
             ) from None
     if not is_number(value) or abs(value) > 36000:
         raise Refused(f"must be random, a compass point or degrees counter-clockwise from east, got {shown(value)}")
-    return float(np.deg2rad(value % 360))
+    return radians_of(value)
 
 
 def _goal(p, value):

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from flockbrush.components import Destination
-from flockbrush.components.level_things import Exit, Goal, Guide, Spawn, properties_of
+from flockbrush.components.level_things import Exit, Goal, Guide, Spawn, degrees_text, properties_of, radians_of
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
@@ -258,12 +258,12 @@ class MarkSpawn(OfThing):
     species: str = "animal"
     count: int = 0
     heading: float | None = None  # rad; None: each its own
-    speed: float | None = None  # m/s at the start; None: the brush's
+    speed: float | None = None  # m/s at the start; 0 or None: the brush's
     altitude: float = 0.0  # m above ground
     start: float = 0.0  # s
     rate: float = 0.0  # animals per second; 0: all at once
     formation: str = "scatter"
-    body_length: float | None = None  # m; None: the brush's
+    body_length: float | None = None  # m; 0 or None: the brush's
     depth: float = 0.0  # m above `altitude` up to which they are born
     since: float | None = None  # s, when it was drawn; None: now
     born: int = -1  # how many it has brought already; -1: as it is
@@ -283,7 +283,7 @@ class MarkSpawn(OfThing):
         need(self.speed is None or 0 <= self.speed <= 1000, f"speed must be 0 to 1000 m/s, got {self.speed}")
         need(self.heading is None or abs(self.heading) <= FAR, f"heading is in radians, got {self.heading}")
         size = self.body_length
-        need(size is None or 0 < size <= 100, f"body_length must be above 0 and at most 100 m, got {size}")
+        need(size is None or 0 <= size <= 100, f"body_length must be 0 to 100 m, got {size}")
         polygon, edge = polygon_of(self.points, "a spawn"), 1e-6 * land.cell
         inside = (polygon >= -edge).all() and (polygon <= np.array([land.width, land.height]) + edge).all()
         need(inside, f"the spawn reaches off the map, which is {land.width:g} x {land.height:g} m")
@@ -328,12 +328,14 @@ class MarkSpawn(OfThing):
             nursery.spawns[index], nursery.born[index] = spawn, born
 
     def area(self, world):
-        """The spawn as the world keeps it."""
+        """The spawn as the world keeps it: as a level that has it is read."""
         nursery, now = world.resource(Nursery), world.resource(Clock).now
         index = nursery.find(self.id)
         before = None if index is None else nursery.spawns[index]
         since = self.since if self.since is not None else now if before is None else before.since
-        return Spawn(self.id, self.name, polygon_of(self.points, "a spawn"), **settings_of(self, Spawn), since=since)
+        settings = settings_of(self, Spawn) | {"speed": self.speed or None, "body_length": self.body_length or None}
+        settings["heading"] = None if self.heading is None else radians_of(float(degrees_text(self.heading)))
+        return Spawn(self.id, self.name, polygon_of(self.points, "a spawn"), **settings, since=since)
 
 
 # taking things away -------------------------------------------------------------------

@@ -54,7 +54,7 @@ def check_can(world, brush, species):
 
 
 def check_can_come(world, species, brush, program):
-    """ValueError when a species, which may be new to this world, cannot move as a brush or a program does, or is none."""
+    """ValueError unless a species, which may be new to this world, can move as a brush and a program do."""
     need(species, "a species needs a name")
     fauna = SpeciesList([species], world.resource(SpeciesList).library)
     why = cannot(world.resource(Palette), fauna, brush, species)

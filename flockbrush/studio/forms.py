@@ -10,6 +10,7 @@ import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingContainer, UITextEntryLine, UIWindow
 
+from flockbrush.components.level_things import degrees_text, radians_of
 from flockbrush.engine.commands import commands, from_record, places_of, usual_values
 from flockbrush.levels.schema import CLASSES
 from flockbrush.studio.theme import px
@@ -96,7 +97,7 @@ def _shown(name, value) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if name == "heading":
-        value = math.degrees(value)
+        return degrees_text(value)
     return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
@@ -120,7 +121,7 @@ def _value(name, text, kind):
         if number != int(number):
             raise ValueError(f"{name} must be a whole number, got {text!r}")
         return int(number)
-    return math.radians(number) if name == "heading" else number
+    return radians_of(number) if name == "heading" else number
 
 
 def number(text, label) -> float:

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from edited_level import done, editor, names_on, read, small
 from flockbrush.behaviours.brush import shipped
+from flockbrush.engine.commands import Commands
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.build import build
 from flockbrush.levels.editor import EditError, Editor
 from flockbrush.levels.level_writer import Document
 from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCells, RemoveObstacle
-from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing
+from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, as_command
 from flockbrush.systems.leaders import Steer  # noqa: F401
+from flockbrush.systems.life import Nursery
 from flockbrush.systems.mark_commands import DrawZone, PlaceKey
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -359,6 +361,22 @@ def test_properties_of_every_spelling_are_changed_where_they_are():
     assert edit.document.object(7)[0]["properties"][0] == {"name": "goal", "type": "object", "value": 6}
     done(edit, DrawGuide(7, "path", path.points.tolist(), 1.0, 6.0, 10.0))
     assert read(edit).guides[1].goal == ""
+
+
+@pytest.mark.parametrize("heading", [None, 0.0, 1.0, -1.0, 7.3, np.pi / 4, 0.7853981633974484])
+def test_a_spawn_of_the_run_is_that_of_the_saved_level_to_the_bit(heading):
+    edit = editor(tiles(), objects("spawns", herd()))
+    simulation = build(read(edit))
+    for speed in (0.0, 1.5):
+        pen = MarkSpawn(7, "pen", [[2.0, 2.0], [9.0, 2.0], [9.0, 9.0]], "march", "sheep", 2, heading, speed, start=1.0)
+        for mark in (pen, replace(pen, body_length=0.0)):
+            simulation.world.resource(Commands).perform(simulation.world, [mark])
+            ours, saved = simulation.world.resource(Nursery).spawns[-1], read(done(edit, mark)).spawns[-1]
+            assert (ours.heading, ours.speed, ours.body_length) == (saved.heading, speed or None, None)
+            assert (saved.speed, saved.body_length) == (speed or None, None)
+            again = as_command(simulation.world, "spawn", 7)
+            simulation.world.resource(Commands).perform(simulation.world, [again])
+            assert simulation.world.resource(Nursery).spawns[-1].heading == ours.heading
 
 
 def test_a_spawn_with_a_density_is_counted_once_it_is_edited():

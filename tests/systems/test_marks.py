@@ -248,7 +248,7 @@ def test_keys_of_one_tick_take_their_turns_in_the_order_of_the_script_however_th
         Key(41, "second", 0.25, "SwitchBrush", {"brush": "calm"}, np.array([14.0, 14.0])),
         Key(42, "third", 0.5, "SwitchBrush", {"brush": "run"}, np.array([14.0, 14.0])),
     ]
-    simulation = field(script=script)
+    simulation, back = field(script=script), []
     do(simulation, switch(40, 0.25, "run"))
     for step in edit:
         back = do(simulation, *(back if step == "undo" else [step()]))
