@@ -41,7 +41,8 @@ from flockbrush.systems.edits import (
 )
 from flockbrush.systems.gusts import Gust
 from flockbrush.systems.leaders import Appoint
-from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
+from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone, PlaceKey
+from flockbrush.systems.marks import Key
 from flockbrush.systems.paint_commands import OnDisc
 from flockbrush.systems.selection import OfAnimals
 from hypothesis import given, settings
@@ -71,7 +72,10 @@ things = st.one_of(
     st.builds(AddObstacle, st.sampled_from(["rock", "barn"]), corner, id=st.sampled_from([0, 20, 30]), margin=spot),
     st.builds(RemoveObstacle, st.sampled_from(["rock", "barn"]), st.sampled_from([0, 20, 30])),
     st.builds(DrawGuide, ids, st.just("way"), corner, goal=goals),
-    st.builds(PlaceGoal, ids, goals, spot, spot, st.floats(0.5, 3), st.sampled_from(["stay", "next"]), goals),
+    st.builds(
+        PlaceGoal, ids, goals, spot, spot, st.floats(0.5, 3), st.sampled_from(["stay", "next"]), goals,
+        at=st.sampled_from([-1, 0]),
+    ),
     st.builds(PlaceExit, ids, st.just("out"), corner),
     st.builds(MarkSpawn, ids, st.just("pen"), corner, names, count=st.integers(0, 4), rate=st.sampled_from([0.0, 1.0])),
     st.builds(DrawZone, ids, st.just("zone"), corner, names, st.sampled_from([0.0, 0.5]), st.sampled_from([1.0, 0.5])),
@@ -79,7 +83,26 @@ things = st.one_of(
     st.builds(DrawArea, ids, goals, corner),
     st.builds(RemoveThing, st.sampled_from(sorted(KINDS)), ids),
     st.builds(MoveGoal, goals, spot, spot),
+)  # fmt: skip
+metres = st.sampled_from([0.0, 1.0, 3.0])  # of keys: directions often have the numbers of places
+given_by_keys = st.one_of(
+    st.tuples(st.just("Gust"), st.fixed_dictionaries({"x": metres, "y": metres})),
+    st.tuples(
+        st.just("Steer"),
+        st.sampled_from([{"x": 1.0, "y": 0.0, "kind": "direction"}, {"x": 3.0, "y": 3.0, "kind": "place"}]),
+    ),
+    st.tuples(st.just("Migrate"), st.sampled_from([{"x": 1.0, "y": 3.0, "z": 0.0, "kind": "direction"}, {"z": 3.0}])),
+    st.tuples(st.just("SwitchBrush"), st.sampled_from([{"brush": "run", "x": 3.0, "radius": 9.0}, {"brush": "calm"}])),
 )
+keys = st.builds(
+    lambda number, tick, given, x, y, at: PlaceKey(number, "cue", tick / 32, *given, x, y, at),
+    ids, st.sampled_from([0, 1, 1, 2]), given_by_keys, metres, metres, st.sampled_from([-1, -1, 0]),
+)  # fmt: skip
+SCRIPT = [
+    Key(19, "cue", 1 / 32, "SwitchBrush", {"brush": "run", "x": 1.0, "y": 1.0}, np.ones(2)),
+    Key(20, "cue", 1 / 32, "SwitchBrush", {"brush": "calm", "x": 1.0, "y": 1.0}, np.ones(2)),
+    Key(21, "cue", 1 / 32, "Steer", {"x": 1.0, "y": 0.0, "kind": "direction"}, np.ones(2)),
+]
 animals = st.one_of(
     st.builds(AddAnimals, names, spot, spot, st.floats(1, 5), st.integers(1, 5)),
     st.builds(RemoveAnimals, spot, spot, st.floats(0, 20)),
@@ -90,16 +113,25 @@ animals = st.one_of(
 )
 
 
+def to_come(simulation):
+    """(tick, command) of the script, in the order in which the level has its keys."""
+    queue, keys = simulation.world.resource(Commands), [key.id for key in land_of(simulation).marks.keys]
+    script = sorted(queue.waiting, key=lambda entry: (entry[0], keys.index(entry[2])))
+    return [(tick, command) for tick, command, _ in script]
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     st.sampled_from(["wall", "wrap", "open", "despawn"]),
     st.lists(st.one_of(strokes, things, animals), min_size=1, max_size=8),
+    st.lists(keys, max_size=2),
     st.integers(0, 3),
 )
-def test_whatever_is_done_is_taken_back_without_a_trace(boundary, commands, ticks):
-    simulation = scene(boundary)
-    before, done = settled(simulation), []
-    for command in commands:
+def test_whatever_is_done_is_taken_back_without_a_trace(boundary, commands, placed, ticks):
+    simulation = scene(boundary, script=SCRIPT)
+    queue = simulation.world.resource(Commands)
+    before, done, script_before = settled(simulation), [], to_come(simulation)
+    for command in [*commands, *placed]:
         whole = state_hash(simulation.world)
         try:
             done.append((command, do(simulation, command)))
@@ -107,14 +139,16 @@ def test_whatever_is_done_is_taken_back_without_a_trace(boundary, commands, tick
             assert state_hash(simulation.world) == whole, command
         else:
             nobody_in_walls(simulation)
-    after, forward = settled(simulation), []
+    after, forward, script_after = settled(simulation), [], to_come(simulation)
     for _, back in reversed(done):
         forward.append(do(simulation, *back))
-    assert settled(simulation) == before
+    assert settled(simulation) == before and to_come(simulation) == script_before
     for again in reversed(forward):
         do(simulation, *again)
-    assert settled(simulation) == after
+    assert settled(simulation) == after and to_come(simulation) == script_after
+    queue.log.clear()
     simulation.run(ticks)
+    assert queue.log == [entry for entry in script_after if entry[0] < ticks]
 
 
 def test_a_command_of_a_user_is_taken_back_whatever_columns_it_changes(monkeypatch):
