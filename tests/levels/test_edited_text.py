@@ -3,19 +3,22 @@
 import base64
 import json
 import zlib
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from edited_level import done, editor, names_on, read, small
 from flockbrush.behaviours.brush import shipped
-from flockbrush.engine.commands import Commands
+from flockbrush.components import Destination
+from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.build import build
 from flockbrush.levels.editor import EditError, Editor
 from flockbrush.levels.level_writer import Document
 from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, as_command
+from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.leaders import Steer  # noqa: F401
 from flockbrush.systems.life import Nursery
 from flockbrush.systems.mark_commands import DrawZone, PlaceKey
@@ -441,6 +444,65 @@ def test_the_corners_of_a_hull_are_in_the_file():
     assert tent.corners == pytest.approx(np.array(corners), abs=1e-9)
     edit.undo(0)
     assert edit.text() == start
+
+
+# the run and the saved level -----------------------------------------------------------------------------------
+
+metres = st.sampled_from([2.0, 3.0, 4.0])  # of keys: a wind may have the numbers of the place of its key
+areas = st.sampled_from([[[2.0, 2.0], [9.0, 2.0], [9.0, 9.0]], [[10.0, 3.0], [14.0, 3.0], [14.0, 7.0], [10.0, 7.0]]])
+names, first = st.sampled_from(["a", "b"]), st.sampled_from([-1, 0])
+given_by_keys = st.one_of(
+    st.tuples(st.just("Gust"), st.fixed_dictionaries({"x": metres, "y": metres})),
+    st.tuples(st.just("SwitchBrush"), st.fixed_dictionaries({"brush": st.just("march"), "x": metres | st.just(0.0)})),
+    st.tuples(st.just("Appoint"), st.sampled_from([{"entities": [1]}, {"entities": []}, {"yes": False, "radius": 1}])),
+    st.tuples(st.just("AddAnimals"), st.just({"brush": "march", "radius": 1.0, "heading": None})),
+)
+edits = st.one_of(
+    st.builds(PlaceGoal, st.integers(11, 13), names, metres, metres, points=st.sampled_from([None, []]), at=first),
+    st.builds(PlaceGoal, st.integers(11, 13), names, st.none(), st.none(), points=st.none() | areas, at=first),
+    st.builds(AddObstacle, names, areas, id=st.integers(21, 23), z_min=st.sampled_from([0.0, 3.0]), at=first),
+    st.builds(
+        lambda number, given, x, at: PlaceKey(number, "cue", 1.0, *given, x, 3.0, at),
+        st.integers(31, 33), given_by_keys, metres, first,
+    ),
+    st.builds(RemoveThing, st.just("goal"), st.integers(11, 13)),
+    st.builds(RemoveThing, st.just("obstacle"), st.integers(21, 23)),
+    st.builds(RemoveThing, st.just("key"), st.integers(31, 33)),
+    st.builds(
+        MarkSpawn, st.just(7), st.just("pen"), st.just([[2.0, 12.0], [9.0, 12.0], [9.0, 19.0]]), st.just("march"),
+        st.just("sheep"), st.just(2), st.floats(-7, 7), st.sampled_from([None, 0.0, 1.0]), start=st.just(1.0),
+    ),
+)  # fmt: skip
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(edits, min_size=2, max_size=7))
+def test_a_run_that_is_edited_at_its_start_is_that_of_the_saved_level(commands):
+    edit = editor(tiles(), objects("spawns", herd()))
+    run = build(read(edit))
+    for command in commands:
+        with suppress(EditError, CommandError):
+            edit.check([command])
+            run.world.resource(Commands).perform(run.world, [command])
+            done(edit, command)
+    saved = build(read(edit))
+    for ours, others in zip(plain_things(run), plain_things(saved), strict=True):
+        assert ours == others
+
+
+def plain_things(simulation):
+    """All that is edited above, as it can be compared."""
+    land, spawns = simulation.world.resource(Landscape), simulation.world.resource(Nursery).spawns
+    waiting, order = simulation.world.resource(Commands).waiting, [key.id for key in land.marks.keys]
+    yield [(goal.id, goal.name, rounded(goal.xy), rounded(goal.polygon)) for goal in land.goals]
+    yield simulation.agents[Destination.goal].tolist()
+    yield [(thing.id, thing.name, thing.z_min, rounded(thing.polygon)) for thing in land.obstacles]
+    yield sorted(waiting, key=lambda entry: order.index(entry[2]))
+    yield [(spawn.id, spawn.heading, spawn.speed, spawn.body_length) for spawn in spawns]
+
+
+def rounded(points):
+    return None if points is None else np.round(points, 5).tolist()
 
 
 # what it refuses ---------------------------------------------------------------------------------------------
