@@ -284,12 +284,12 @@ class Commands:
 
     @property
     def waiting(self):
-        """(tick, command, key of the script or 0) of what is still to come, in the order of its coming."""
+        """(tick, command, key of the script or 0) of what is still to come, in the order of its ticks."""
         return [(tick, cmd, key) for tick, _, cmd, key in sorted(self._pending, key=lambda entry: entry[:2])]
 
     @property
     def pending(self):
-        """(tick, command) of what is still to come, in the order of its coming."""
+        """(tick, command) of what is still to come, in the order of its ticks."""
         return [(tick, cmd) for tick, cmd, _ in self.waiting]
 
     def replace(self, entries):

@@ -415,5 +415,5 @@ def _properties_of_key(key, outline):
             properties[name] = value
         elif not drawn and (name not in usual or value != usual[name]):
             why = f"a key has its own {name}" if name in own else "it must be a number, a text, true or false"
-            raise EditError(f"no key of a level can hold {name} {str(value)[:60]!r} of {key.command}: {why}")
+            raise EditError(f"no key of a level can hold {name} = {str(value)[:60]} of {key.command}: {why}")
     return properties | own

@@ -3,28 +3,22 @@
 import base64
 import json
 import zlib
-from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from edited_level import done, editor, names_on, read, small
 from flockbrush.behaviours.brush import shipped
-from flockbrush.components import Destination
-from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.build import build
 from flockbrush.levels.editor import EditError, Editor
 from flockbrush.levels.level_writer import Document
 from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCells, RemoveObstacle
-from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, as_command
-from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing
 from flockbrush.systems.leaders import Steer  # noqa: F401
-from flockbrush.systems.life import Nursery
-from flockbrush.systems.mark_commands import DrawZone, PlaceKey
+from flockbrush.systems.mark_commands import DrawZone
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_level import GRASS, MARCH, SLOW, herd, objects, polyline, properties, thing, tiles
+from small_level import GRASS, MARCH, SLOW, herd, objects, polyline, thing, tiles
 
 # to the byte ----------------------------------------------------------------------------------------
 
@@ -366,22 +360,6 @@ def test_properties_of_every_spelling_are_changed_where_they_are():
     assert read(edit).guides[1].goal == ""
 
 
-@pytest.mark.parametrize("heading", [None, 0.0, 1.0, -1.0, 7.3, np.pi / 4, 0.7853981633974484])
-def test_a_spawn_of_the_run_is_that_of_the_saved_level_to_the_bit(heading):
-    edit = editor(tiles(), objects("spawns", herd()))
-    simulation = build(read(edit))
-    for speed in (0.0, 1.5):
-        pen = MarkSpawn(7, "pen", [[2.0, 2.0], [9.0, 2.0], [9.0, 9.0]], "march", "sheep", 2, heading, speed, start=1.0)
-        for mark in (pen, replace(pen, body_length=0.0)):
-            simulation.world.resource(Commands).perform(simulation.world, [mark])
-            ours, saved = simulation.world.resource(Nursery).spawns[-1], read(done(edit, mark)).spawns[-1]
-            assert (ours.heading, ours.speed, ours.body_length) == (saved.heading, speed or None, None)
-            assert (saved.speed, saved.body_length) == (speed or None, None)
-            again = as_command(simulation.world, "spawn", 7)
-            simulation.world.resource(Commands).perform(simulation.world, [again])
-            assert simulation.world.resource(Nursery).spawns[-1].heading == ours.heading
-
-
 def test_a_spawn_with_a_density_is_counted_once_it_is_edited():
     pen = thing(1, "Spawn", 32, 32, 64, 64, "pen", brush="march", density=0.25)
     edit = editor(tiles(), objects("spawns", pen))
@@ -446,94 +424,7 @@ def test_the_corners_of_a_hull_are_in_the_file():
     assert edit.text() == start
 
 
-# the run and the saved level -----------------------------------------------------------------------------------
-
-metres = st.sampled_from([2.0, 3.0, 4.0])  # of keys: a wind may have the numbers of the place of its key
-areas = st.sampled_from([[[2.0, 2.0], [9.0, 2.0], [9.0, 9.0]], [[10.0, 3.0], [14.0, 3.0], [14.0, 7.0], [10.0, 7.0]]])
-names, first = st.sampled_from(["a", "b"]), st.sampled_from([-1, 0])
-given_by_keys = st.one_of(
-    st.tuples(st.just("Gust"), st.fixed_dictionaries({"x": metres, "y": metres})),
-    st.tuples(st.just("SwitchBrush"), st.fixed_dictionaries({"brush": st.just("march"), "x": metres | st.just(0.0)})),
-    st.tuples(st.just("Appoint"), st.sampled_from([{"entities": [1]}, {"entities": []}, {"yes": False, "radius": 1}])),
-    st.tuples(st.just("AddAnimals"), st.just({"brush": "march", "radius": 1.0, "heading": None})),
-)
-edits = st.one_of(
-    st.builds(PlaceGoal, st.integers(11, 13), names, metres, metres, points=st.sampled_from([None, []]), at=first),
-    st.builds(PlaceGoal, st.integers(11, 13), names, st.none(), st.none(), points=st.none() | areas, at=first),
-    st.builds(AddObstacle, names, areas, id=st.integers(21, 23), z_min=st.sampled_from([0.0, 3.0]), at=first),
-    st.builds(
-        lambda number, given, x, at: PlaceKey(number, "cue", 1.0, *given, x, 3.0, at),
-        st.integers(31, 33), given_by_keys, metres, first,
-    ),
-    st.builds(RemoveThing, st.just("goal"), st.integers(11, 13)),
-    st.builds(RemoveThing, st.just("obstacle"), st.integers(21, 23)),
-    st.builds(RemoveThing, st.just("key"), st.integers(31, 33)),
-    st.builds(
-        MarkSpawn, st.just(7), st.just("pen"), st.just([[2.0, 12.0], [9.0, 12.0], [9.0, 19.0]]), st.just("march"),
-        st.just("sheep"), st.just(2), st.floats(-7, 7), st.sampled_from([None, 0.0, 1.0]), start=st.just(1.0),
-    ),
-)  # fmt: skip
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.lists(edits, min_size=2, max_size=7))
-def test_a_run_that_is_edited_at_its_start_is_that_of_the_saved_level(commands):
-    edit = editor(tiles(), objects("spawns", herd()))
-    run = build(read(edit))
-    for command in commands:
-        with suppress(EditError, CommandError):
-            edit.check([command])
-            run.world.resource(Commands).perform(run.world, [command])
-            done(edit, command)
-    saved = build(read(edit))
-    for ours, others in zip(plain_things(run), plain_things(saved), strict=True):
-        assert ours == others
-
-
-def plain_things(simulation):
-    """All that is edited above, as it can be compared."""
-    land, spawns = simulation.world.resource(Landscape), simulation.world.resource(Nursery).spawns
-    waiting, order = simulation.world.resource(Commands).waiting, [key.id for key in land.marks.keys]
-    yield [(goal.id, goal.name, rounded(goal.xy), rounded(goal.polygon)) for goal in land.goals]
-    yield simulation.agents[Destination.goal].tolist()
-    yield [(thing.id, thing.name, thing.z_min, rounded(thing.polygon)) for thing in land.obstacles]
-    yield sorted(waiting, key=lambda entry: order.index(entry[2]))
-    yield [(spawn.id, spawn.heading, spawn.speed, spawn.body_length) for spawn in spawns]
-
-
-def rounded(points):
-    return None if points is None else np.round(points, 5).tolist()
-
-
 # what it refuses ---------------------------------------------------------------------------------------------
-
-
-def key(command, **args):
-    return PlaceKey(6, "cue", 1.0, command, args, 3.0, 3.0)
-
-
-def test_a_key_leaves_out_what_it_has_by_default_and_no_property_can_be():
-    edit = editor(tiles(), objects("spawns", herd()))
-    done(edit, key("AddAnimals", brush="march", radius=1.0, heading=None))
-    done(edit, replace(key("RemoveObstacle", name="a", at=-1), id=7))
-    done(edit, replace(key("Steer", entities=[], x=1.0, y=0.0, kind="direction"), id=8))
-    add, remove, steer = (given.args for given in read(edit).script)
-    assert add == {"brush": "march", "radius": 1.0, "x": 3.0, "y": 3.0} and remove == {"name": "a"}
-    assert steer == {"x": 1.0, "y": 0.0, "kind": "direction"}
-
-
-def test_a_key_that_is_drawn_as_an_outline_moves_with_what_it_gives():
-    area = thing(6, "Key", 16, 16, 32, 32, "cue", at=1.0, command="DrawZone", id=9, brush="march")
-    area["properties"] += properties(name="pen")
-    edit = editor(tiles(), objects("spawns", herd()), objects("script", area))
-    (given,) = read(edit).script
-    place = PlaceKey(6, "cue", 1.0, given.command, given.args, *given.xy.tolist())
-    with pytest.raises(EditError, match="can hold points"):
-        edit.check([replace(place, x=9.0)])
-    points = (np.array(given.args["points"]) + (1.5, -2.25)).tolist()
-    done(edit, replace(place, x=place.x + 1.5, y=place.y - 2.25, args=given.args | {"points": points}))
-    (after,) = read(edit).script
-    np.testing.assert_allclose(after.args["points"], points, atol=1e-6)
 
 
 def test_what_the_file_cannot_say_is_refused_and_nothing_has_changed():
@@ -550,13 +441,6 @@ def test_what_the_file_cannot_say_is_refused_and_nothing_has_changed():
         (PlaceGoal(5, "pen", 3.0, 3.0), "the script names goal 'fold'"),
         (DrawGuide(5, "way", [[1.0, 1.0], [2.0, 2.0]]), "object 5 of the level is Goal, not Guide"),
         (MoveGoal("nowhere", 3.0, 3.0), "the level has no goal 'nowhere'"),
-        (key("Steer", entities=[2], x=1.0, y=0.0), r"no key of a level can hold entities '\[2\]' of Steer: it must be"),
-        (key("RemoveEntities", entities=[]), "can hold entities '\\[\\]' of RemoveEntities"),
-        (key("DrawArea", id=9, name="yard", points=[[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]), "hold points .* of DrawArea"),
-        (key("MixBrush", name="march", paths={}), "can hold paths '{}' of MixBrush"),
-        (key("PlaceGoal", id=9, name="pen", x=None, y=2.0), "can hold x 'None' of PlaceGoal"),
-        (key("RemoveObstacle", name="stone", at=1), "can hold at '1' of RemoveObstacle: a key has its own at"),
-        (key("NoSuch"), "there is no command 'NoSuch'"),
     ):
         for refused in (edit.check, lambda commands: edit.do("edit", commands)):
             with pytest.raises(EditError, match=reason):
