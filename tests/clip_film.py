@@ -1,5 +1,7 @@
 """Small films with truth: numbered frames with a thing that moves, birds in the sky, and sound alone."""
 
+from fractions import Fraction
+
 import av
 import cv2
 import numpy as np
@@ -26,26 +28,45 @@ def numbered_film(path, frames, size=(192, 160), fps=30):
     return path
 
 
-def bird_film(path, frames=40, size=(320, 180)):
+def birds_at(k, size=(320, 180)):
     """Three dark birds before a pale sky, straight ahead from `STARTS` by `STEPS`; the first two cross."""
+    picture = np.full((size[1], size[0], 3), (225, 215, 205), np.uint8)
+    for (x, y), (dx, dy) in zip(STARTS, STEPS, strict=True):
+        cv2.ellipse(picture, (x + dx * k, y + dy * k), (5, 3), 0, 0, 360, (50, 45, 40), -1, cv2.LINE_AA)
+    return picture
+
+
+def bird_film(path, frames=40, size=(320, 180)):
+    """The frames of `birds_at`."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30, size)
     for k in range(frames):
-        picture = np.full((size[1], size[0], 3), (225, 215, 205), np.uint8)
-        for (x, y), (dx, dy) in zip(STARTS, STEPS, strict=True):
-            cv2.ellipse(picture, (x + dx * k, y + dy * k), (5, 3), 0, 0, 360, (50, 45, 40), -1, cv2.LINE_AA)
-        writer.write(picture)
+        writer.write(birds_at(k, size))
     writer.release()
     return path
 
 
-def film(path, pictures, fps=10):
-    """An mp4 of these pictures, (h, w, 3) uint8 BGR."""
-    with av.open(str(path), "w") as out:
-        stream = out.add_stream("libx264", rate=fps, options={"crf": "10", "preset": "ultrafast", "bf": "0"})
+def film(path, pictures, fps=10, at=None, **options):
+    """An mp4 of these pictures, (h, w, 3) uint8 BGR; each lasts a frame, or begins ``at`` so many frames."""
+    with av.open(str(path), "w", options={"movflags": "faststart"}) as out:
+        stream = out.add_stream("libx264", rate=fps, options={"crf": "10", "preset": "ultrafast", "bf": "0"} | options)
         stream.height, stream.width, stream.pix_fmt = *pictures[0].shape[:2], "yuv420p"
-        for picture in pictures:
-            out.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
+        for k, picture in enumerate(pictures):
+            frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+            frame.pts, frame.time_base = k if at is None else at[k], Fraction(1, fps)
+            out.mux(stream.encode(frame))
         out.mux(stream.encode(None))
+    return path
+
+
+def damaged(path, film, first, last=None):
+    """A copy of a film in which these frames, both included, are zeros; without a last one it ends before the first."""
+    data = bytearray(film.read_bytes())
+    with av.open(str(film)) as container:
+        places = [(packet.pos, packet.size) for packet in container.demux(video=0) if packet.size]
+    for at, size in places[first : first + 1 if last is None else last + 1]:
+        data[at : at + size] = bytes(size)
+    path.write_bytes(data if last is not None else data[: places[first][0]])
+    return path
 
 
 def song(path):

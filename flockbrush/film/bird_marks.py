@@ -264,7 +264,7 @@ class Follower:
         if f not in self._blobs:
             while len(self._blobs) >= BLOBS:
                 self._blobs.pop(next(iter(self._blobs)))
-            self._blobs[f] = blobs_of(self.film.frame(f))
+            self._blobs[f] = [] if f in self.film.lost else blobs_of(self.film.frame(f))
         return self._blobs[f]
 
 

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.film.bird_sizes import Patch, of_one_size, patches_of
 from flockbrush.film.media import FilmReader, read_picture
@@ -191,9 +192,9 @@ def _frames(path, every):
             if image is None and (k % every == 0 or not film.skip()):
                 break
             if image is not None:
-                yield f"{path.name}:{k}", image
+                yield f"{path.name}:{film.number}", image
         if not k:
-            raise ProblemsError([Problem(str(path), None, None, "is a video without a frame that can be read")])
+            raise refused(path, film.damage)
 
 
 def carry(before, now, reach):

@@ -20,6 +20,7 @@ from flockbrush.film.flight_sketch import Path as Drawn
 from flockbrush.film.landmarks import Landmark, between
 from flockbrush.film.marks_file import SCHEMA, read_film_marks
 from flockbrush.film.track_clip import table_of
+from flockbrush.film.track_table import unevenness
 from flockbrush.film.tracks import read_marks, read_tracks
 from flockbrush.levels.steps import StateStack
 
@@ -168,7 +169,7 @@ class Book(StateStack):
         for part, there, write in (
             ("obstacles.png", not state.obstacles.blank, lambda path: write_obstacles(path, state.obstacles)),
             ("regions.png", not state.regions.blank, lambda path: write_regions(path, state.regions)),
-            ("tracks.csv", bool(state.birds.ids), lambda path: write_text(path, table_of(state.birds.tracks()))),
+            ("tracks.csv", bool(state.birds.ids), lambda path: write_text(path, table_of(self._tracks(state)))),
             ("corrections.csv", bool(state.birds.corrections), self._write_corrections),
             ("sketch.csv", sketched, lambda path: write_text(path, table_of(state.sketch.tracks))),
             ("marks.toml", True, lambda path: write_text(path, self.text())),
@@ -192,6 +193,12 @@ class Book(StateStack):
         ProblemsError, OSError
         """
         return self.save()
+
+    def _tracks(self, state):
+        """The birds as tracks, with the times of their frames where these are not evenly spaced."""
+        tracks, times = state.birds.tracks(), self.film.times
+        own = times[tracks.first :][: len(tracks.px)] if unevenness(times) else None
+        return replace(tracks, times=own)
 
     def _write_corrections(self, path):
         write_text(path, self.state.birds.corrections_text())

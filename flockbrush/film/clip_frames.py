@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections import OrderedDict
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from flockbrush.engine.files import refused
 from flockbrush.film.media import FilmReader
+from flockbrush.film.track_table import SAME_RATE, unevenness
 
 KEPT = 192 << 20  # bytes of decoded frames that are kept
 LEAPS = (0, 96, 400, 1600)  # frames a seek begins before what is wanted, one after the other until it lands before it
@@ -21,9 +21,10 @@ SKY = "sky"  # what an empty sky is called on the command line
 
 
 class TimedFrames:
-    """Frames at times, s from the first: (F,) ``times``."""
+    """Frames at times, s from the first: (F,) ``times``; ``notes`` say what is wrong with them."""
 
     times: np.ndarray
+    notes: list[str] | tuple = ()
 
     def __len__(self):
         return len(self.times)
@@ -59,14 +60,12 @@ class Film(TimedFrames):
 
     def __init__(self, path, say=lambda done: None):
         self.path, self.name = Path(path), Path(path).name
-        if not self.path.is_file():
-            raise refused(path, "is a folder, not a clip" if self.path.is_dir() else "there is no such file")
-        if not os.access(self.path, os.R_OK):
-            raise refused(path, "is not readable: permission denied")
-        if not self.path.stat().st_size:
-            raise refused(path, "is an empty file")
         self._reader, self._next = FilmReader(self.path), 0
         self._stamps = _stamps(self._reader, say)
+        self.lost, damage = frozenset(self._reader.lost), self._reader.damage
+        if not len(self._stamps):
+            raise refused(path, damage)
+        self.notes = [damage] if damage else []
         self.fps = _fps(self._reader.fps, self._stamps)
         steps = np.diff(self._stamps)
         self._step = float(steps.min()) if len(steps) else 0.0  # s; 0 where times do not tell frames apart
@@ -75,9 +74,7 @@ class Film(TimedFrames):
         self._kept: OrderedDict[int, np.ndarray] = OrderedDict()
         self._most = 8  # frames
         self._rewind()
-        first = self._read() if len(self._stamps) else None
-        if first is None:
-            raise refused(path, "has no readable frame; it may not be a video")
+        first = self._read()
         self.size = first.shape[1], first.shape[0]  # width and height, pixels
         self._most = max(8, KEPT // first.nbytes)
 
@@ -121,9 +118,10 @@ class Film(TimedFrames):
         return image
 
     def _keep(self, image):
-        self._kept[self._next] = image
-        self._kept.move_to_end(self._next)
-        self._next += 1
+        k = self._reader.number
+        self._kept[k] = image
+        self._kept.move_to_end(k)
+        self._next = k + 1
         while len(self._kept) > self._most:
             self._kept.popitem(last=False)
 
@@ -140,7 +138,7 @@ class Film(TimedFrames):
             image = self._reader.read()
             at = None if image is None else self._at()
             if at is not None and at <= k:
-                self._next = at
+                self._reader.number = at
                 self._keep(image)
                 return
         self._rewind()
@@ -197,17 +195,19 @@ class Sky(TimedFrames):
 
 
 def _stamps(reader, say):
-    """Seconds of all frames by going through them, (F,)."""
+    """Seconds of all frames by going through them, those that are lost too, (F,)."""
     stamps: list[float] = []
     while reader.skip():
-        stamps.append(reader.time)
+        stamps += [*reader.gap, reader.time]
         say(len(stamps))
     return np.nan_to_num(np.array(stamps))
 
 
 def _fps(nominal, stamps):
-    """Frames a second: what the film says, or by its times; 30 where neither makes sense."""
-    if math.isfinite(nominal) and 0.1 <= nominal <= 1000:
+    """Frames a second: what the film says, unless times that are even say otherwise; 30 where neither makes sense."""
+    span = float(stamps[-1] - stamps[0]) if (np.diff(stamps) > 0).all() else 0.0
+    timed = (len(stamps) - 1) / span if span > 0 else math.nan
+    known = math.isfinite(nominal) and 0.1 <= nominal <= 1000
+    if known and (unevenness(stamps) or not abs(timed / nominal - 1.0) > SAME_RATE):
         return nominal
-    span = float(stamps[-1] - stamps[0]) if len(stamps) > 1 else 0.0
-    return (len(stamps) - 1) / span if span > 0 else 30.0
+    return timed if math.isfinite(timed) else 30.0

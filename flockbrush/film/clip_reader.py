@@ -12,24 +12,22 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import av
 import cv2
 import numpy as np
 
 from flockbrush.engine.files import sha256_of
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.looking import frames_missing
-from flockbrush.film.media import check_frame_size, is_picture, open_container, pictures_of, read_picture, upright
+from flockbrush.film.media import FilmReader, check_file, is_picture, read_picture
 from flockbrush.film.observations import CannotObserve
+from flockbrush.film.track_table import unevenness
 
 WORK = 1280  # px, the longer side of the pictures that are worked on
 FPS = 25.0  # frames a second of a film that does not say
 KEEP = 256 << 20  # bytes of pictures that are held in memory rather than read again
 THUMB = 96  # px, the longer side of the pictures that are compared to find cuts
-UNEVEN = 0.25  # of the usual interval: time stamps that differ more make a clip unevenly timed
 REPEATED = 0.35  # grey levels: two thumbnails that differ less on average show the same frame, if others do not
 CUT, CUT_OVER_USUAL = 0.38, 5.0  # distance of colour histograms between neighbours, and over the usual distance
-_BAD = "is not a readable video or picture"
 
 
 def silent(text: str, done: int, total: int):
@@ -117,16 +115,12 @@ def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Sa
 
 def _sha256(name, path):
     """Of the file's bytes; says why it cannot be read."""
-    if path.is_dir():
-        raise CannotObserve(name, "is a folder, not a clip")
-    if not path.is_file():
-        raise CannotObserve(name, "there is no such file")
-    if path.stat().st_size == 0:
-        raise CannotObserve(name, "is empty (0 bytes); copy it again", {"bytes of the file": 0})
     try:
-        return sha256_of(path)
-    except OSError as error:
-        raise CannotObserve(name, f"cannot be read: {error.strerror or error}") from None
+        check_file(path)
+    except ProblemsError as error:
+        seen = {"bytes of the file": 0} if path.is_file() and not path.stat().st_size else {}
+        raise CannotObserve(name, error.problems[0].message, seen) from None
+    return sha256_of(path)
 
 
 # photographs -----------------------------------------------------------------------------
@@ -156,47 +150,30 @@ def _photograph(name, path, sha256, picture, frames, work):
 # films -----------------------------------------------------------------------------------
 
 
-class _Film:
-    """A film opened by ffmpeg: its pictures one after the other, upright."""
+class _Film(FilmReader):
+    """A film whose pictures are had one after the other."""
 
     def __init__(self, name, path):
-        self.name = name
+        self.ended = ""  # why it was not read to its end
         try:
-            self._container = open_container(path)
-        except (av.error.FFmpegError, OSError, ValueError) as error:
-            why = f"{_BAD} ({_said(error)}); it may be the wrong file, or incomplete"
-            raise CannotObserve(name, why, _of_file(path)) from None
-        try:
-            self._stream = pictures_of(self._container, name)
+            super().__init__(path)
         except ProblemsError as error:
-            kinds = sorted({stream.type for stream in self._container.streams}) or ["nothing"]
-            self._container.close()
-            seen = _of_file(path) | {"streams in it": ", ".join(kinds)}
-            raise CannotObserve(name, error.problems[0].message, seen) from None
-        self.length = int(self._stream.frames or 0)
-        rate = self._stream.average_rate or self._stream.guessed_rate
-        self.fps = float(rate) if rate and 0.1 <= rate <= 1000 else None
-        self.turned, self.damage = 0, None
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, kind, error, trace):
-        self._container.close()
+            raise CannotObserve(name, error.problems[0].message, _of_file(path)) from None
 
     def pictures(self, wanted=None, last=None):
-        """(number, seconds or None, picture) of the frames wanted, up to the last; stops where the film is damaged."""
-        number = -1
-        try:
-            for number, frame in enumerate(self._container.decode(self._stream)):
-                if last is not None and number > last:
-                    return
-                check_frame_size(self.name, frame.width, frame.height)
-                if wanted is None or number in wanted:
-                    self.turned = int(getattr(frame, "rotation", 0) or 0) % 360
-                    yield number, frame.time, upright(frame.to_ndarray(format="bgr24"), self.turned)
-        except (av.error.FFmpegError, ValueError) as error:
-            self.damage = f"it is damaged after frame {number} ({_said(error)}); later frames are ignored"
+        """(number, seconds, picture) of the frames wanted, up to the last; stops where the film is damaged."""
+        k = 0
+        while last is None or k <= last:
+            picture = self.read() if wanted is None or k in wanted else self.skip()
+            if picture is None or picture is False:
+                self.ended = self.damage
+                return
+            if self.number > k:
+                self.ended = f"it is damaged after frame {k - 1}; later frames are ignored"
+                return
+            if picture is not True:
+                yield k, self.time, picture
+            k += 1
 
 
 def _of_file(path):
@@ -204,10 +181,6 @@ def _of_file(path):
     with open(path, "rb") as file:
         begin = file.read(16)
     return {"bytes of the file": path.stat().st_size, "it begins with": " ".join(f"{byte:02x}" for byte in begin)}
-
-
-def _said(error):
-    return str(getattr(error, "strerror", None) or error).rstrip(".")
 
 
 @dataclass
@@ -252,8 +225,8 @@ def _look_through(name, path, frames, say, work):
                 pictures[number] = small
             say("reading the clip", len(numbers), total)
     if not numbers:
-        raise CannotObserve(name, _no_frames(number + 1, first, last, film.damage))
-    notes = [film.damage] if film.damage else []
+        raise CannotObserve(name, _no_frames(number + 1, first, last, film.ended))
+    notes = [film.ended] if film.ended else []
     notes += frames_missing(0, number, (first, last))
     if film.turned:
         notes.append(f"the clip is marked as rotated by {film.turned} degrees; it was turned upright")
@@ -277,17 +250,18 @@ def _bounds(name, frames):
 def _no_frames(total, first, last, damage):
     """The error message for a film of which no frame is left."""
     if total == 0:
-        return f"has a video stream without a readable frame{f': {damage}' if damage else ''}"
+        return damage
     return f"has frames 0 to {total - 1}, but none in {first}:{'' if last is None else last}"
 
 
 def _clock(times, fps):
     """((n,) seconds, notes) of frames whose times may not be known."""
-    unknown = any(time is None for time in times) or (np.diff(np.array(times, float)) <= 0).any()
-    if not unknown:
-        return np.array(times, float), []
-    notes = [] if fps else [f"the clip does not contain its frame rate; {FPS:g} is assumed"]
-    return np.arange(len(times)) / (fps or FPS), notes
+    times = np.array(times)
+    if np.isfinite(times).all() and (np.diff(times) > 0).all():
+        return times, []
+    known = 0.1 <= fps <= 1000
+    notes = [] if known else [f"the clip does not contain its frame rate; {FPS:g} is assumed"]
+    return np.arange(len(times)) / (fps if known else FPS), notes
 
 
 def _changes(thumbs):
@@ -365,18 +339,14 @@ def evenly(numbers, times, repeats):
         numbers = numbers[~repeats]
         times = times[0] + np.linspace(0, span, len(numbers))
     steps = np.diff(times)
-    usual = float(np.median(steps))
-    if (np.abs(steps - usual) <= UNEVEN * usual).mean() > 0.98:
+    uneven = unevenness(times)
+    if not uneven:
         return numbers, times, (len(times) - 1) / float(times[-1] - times[0]), notes
     step = float(np.quantile(steps, 0.9))
     row = _nearest(times, np.arange(times[0], times[-1] + 0.5 * step, step))
     if len(row) == len(numbers):
         return numbers, times, (len(times) - 1) / float(times[-1] - times[0]), notes
-    notes.append(
-        f"its frames are not evenly spaced in time, {steps.min():.3g} to {steps.max():.3g} s apart; {len(row)} "
-        f"of {len(times)} "
-        f"were used, {step:.3g} s apart"
-    )
+    notes.append(f"{uneven}; {len(row)} of {len(times)} were used, {step:.3g} s apart")
     return numbers[row], times[row], 1.0 / step, notes
 
 

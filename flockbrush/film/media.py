@@ -7,6 +7,7 @@ a few of them (playlists, concatenations) open further files or the network; onl
 from __future__ import annotations
 
 import os
+from heapq import heappop, heappush
 from pathlib import Path
 
 import av
@@ -70,19 +71,28 @@ def is_picture(path) -> bool:
 
 
 def open_container(path):
-    """A film opened by PyAV, in one of the formats of `FILMS` alone, from this file alone.
-
-    Raises
-    ------
-    av.error.FFmpegError, OSError, ValueError
-        When it cannot be opened.
-    """
+    """A film opened by PyAV, in one of the formats of `FILMS` alone, from this file alone; ProblemsError."""
     options = {
         "format_whitelist": ",".join(FILMS),
         "protocol_whitelist": "file",
         "max_pixels": str(int(limits.FILM_PIXELS)),
     }
-    return av.open(f"file:{os.path.abspath(path)}", options=options)
+    try:
+        return av.open(f"file:{os.path.abspath(path)}", options=options)
+    except (av.error.FFmpegError, OSError, ValueError):
+        told = f"is not a readable video (formats: {FILM_ENDINGS}); it may be the wrong file, or incomplete"
+        raise refused(path, told) from None
+
+
+def check_file(path):
+    """ProblemsError unless there is something to read in a file that should be a clip."""
+    path = Path(path)
+    if not path.is_file():
+        raise refused(path, "is a folder, not a clip" if path.is_dir() else "there is no such file")
+    if not os.access(path, os.R_OK):
+        raise refused(path, "is not readable: permission denied")
+    if not path.stat().st_size:
+        raise refused(path, "is empty (0 bytes); copy it again")
 
 
 def pictures_of(container, path):
@@ -119,10 +129,18 @@ def upright(picture, turned):
 
 
 class FilmReader:
-    """The frames of a film in order, upright; damaged frames are skipped.
+    """The frames of a film in order, upright; frames that cannot be decoded are skipped, and keep their numbers.
 
     Attributes
     ----------
+    number : int
+        Of the frame that was read last, from 0 at the first that can be read; -1 before.
+    gap : list of float
+        Seconds of the frames between that and the one read before it that could not be decoded.
+    lost : list of int
+        Numbers of all those so far.
+    turned : int
+        Degrees counter-clockwise by which the frame that was read last was turned upright.
     size : (int, int)
         Width and height, pixels, upright.
     fps : float
@@ -139,13 +157,9 @@ class FilmReader:
     """
 
     def __init__(self, path):
+        check_file(path)
         self.path = Path(path)
-        if not self.path.is_file():
-            raise refused(path, "is a folder, not a clip" if self.path.is_dir() else "there is no such file")
-        try:
-            self._container = open_container(path)
-        except (av.error.FFmpegError, OSError, ValueError):
-            raise refused(path, f"is not a readable video (formats: {FILM_ENDINGS})") from None
+        self._container = open_container(path)
         try:
             self._stream = pictures_of(self._container, path)
         except ProblemsError:
@@ -156,14 +170,30 @@ class FilmReader:
         self.size = self._stream.width, self._stream.height
         seconds = float(self._stream.duration * self._stream.time_base) if self._stream.duration else 0.0
         self.length = int(self._stream.frames or round(max(0.0, seconds * self.fps)))
+        indexed = "mov" in self._container.format.name  # less what an edit has cut off
+        self._claimed = len(self._stream.index_entries) if indexed else int(self._stream.frames)
+        self.number, self.turned, self._count, self._missing = -1, 0, 0, 0
+        self.gap: list[float] = []
+        self.lost: list[int] = []
         self._frames = self._decoded()
+
+    @property
+    def damage(self) -> str:
+        """What could not be read, of a film that was read to its end; "" of a whole one."""
+        missing = len(self.lost) + self._missing
+        if not missing:
+            return "" if self._count else "has a video stream without a frame that can be read"
+        can = f"{self._count} can" if self._count else "none can"
+        first = f", the first that is lost is frame {self.lost[0]}" if self.lost else ""
+        return f"the file says it has {self._count + missing} frames, {can} be read{first}: it is incomplete or damaged"
 
     def read(self) -> np.ndarray | None:
         """The next frame, (h, w, 3) uint8 BGR; None at the end."""
         frame = self._next()
         if frame is None:
             return None
-        picture = upright(frame.to_ndarray(format="bgr24"), int(getattr(frame, "rotation", 0) or 0) % 360)
+        self.turned = int(getattr(frame, "rotation", 0) or 0) % 360
+        picture = upright(frame.to_ndarray(format="bgr24"), self.turned)
         self.size = picture.shape[1], picture.shape[0]
         return picture
 
@@ -172,7 +202,7 @@ class FilmReader:
         return self._next() is not None
 
     def seek(self, seconds):
-        """Continue at a frame at or before this time, as near as the film allows."""
+        """Continue at a frame at or before this time, as near as the film allows; its `number` is not known."""
         try:
             self._container.seek(round(seconds / float(self._stream.time_base)), stream=self._stream)
         except (av.error.FFmpegError, OSError, ValueError, OverflowError):
@@ -198,18 +228,43 @@ class FilmReader:
         return frame
 
     def _decoded(self):
-        broken = 0
-        packets = self._container.demux(self._stream)
+        """The frames from here on.
+
+        Each packet has a frame.  A few kinds of film have packets without one: packets without frames count as lost
+        frames only where the decoder has found a mistake before, or packets are missing at the end.
+        """
+        packets, waiting = self._container.demux(self._stream), []  # waiting: times of packets whose frames are to come
+        broken, damaged, begun, taken, before = 0, False, False, 0, 0
         while broken < BROKEN:
             try:
                 packet = next(packets, None)
+                if packet is not None and (packet.size or packet.dts is not None):
+                    taken += 1
+                    if packet.pts is not None and not packet.is_discard:
+                        heappush(waiting, packet.pts)
                 frames = [] if packet is None else packet.decode()
             except (av.error.FFmpegError, ValueError):
-                broken += 1
+                broken, damaged = broken + 1, True
                 continue
             if packet is None:
-                return
+                break
             for frame in frames:
                 broken = 0
                 check_frame_size(self.path, frame.width, frame.height)
+                passed = []
+                while waiting and frame.pts is not None and waiting[0] <= frame.pts:
+                    passed.append(heappop(waiting))
+                lost = [time for time in passed if time < frame.pts] if damaged else []
+                before = before if begun else len(lost)  # of the first that can be read: they have no number
+                self._pass(lost if begun else [])
+                begun = True
                 yield frame
+        short = max(0, self._claimed - taken)
+        self._missing = before + short + (len(waiting) if damaged or short else 0)
+
+    def _pass(self, lost):
+        """Count a frame and those before it that were lost, by their times."""
+        self.gap = [float(time * self._stream.time_base) for time in lost]
+        self.lost += range(self.number + 1, self.number + 1 + len(lost))
+        self.number += 1 + len(lost)
+        self._count += 1

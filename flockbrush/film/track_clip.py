@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from flockbrush.engine.files import claimed, refused, write_text
 from flockbrush.film.media import FilmReader
+from flockbrush.film.track_table import evened, unevenness
 from flockbrush.film.tracking import Tracker
 from flockbrush.film.tracks import Tracks, read_marks
 from flockbrush.runs.terminal import INTERRUPTED, print_json, progress, say, show, table
@@ -42,7 +44,8 @@ def _track(clip, out, seed_points, correct, reach, as_json):
     seeds, corrections = by_hand
     tracker = Tracker(seeds, corrections, reach)
     begin = time.perf_counter()
-    frames, stopped, size = _follow(clip, tracker)
+    seen = _follow(clip, tracker)
+    frames, stopped = len(seen.times), seen.stopped
     try:
         tracks = tracker.tracks()
     except ValueError as error:
@@ -50,24 +53,28 @@ def _track(clip, out, seed_points, correct, reach, as_json):
             say(f"stopped after {frames} frames, too few to track a bird; nothing was written")
             return INTERRUPTED
         hint = "birds must be small, and darker or lighter than the sky"
-        raise refused(clip, f"{error} in {frames} frames; {hint}") from None
+        some = f"{frames} frame{'s' * (frames != 1)}"
+        raise refused(clip, seen.damage or f"{error} in {some}; {hint}") from None
+    notes = [seen.damage] if seen.damage else []
+    if uneven := unevenness(seen.times):
+        tracks.times = np.array(seen.times[tracks.first :][: len(tracks.px)])
+        notes.append(f"{uneven}: the table has their times, and flockbrush lift refuses it; {evened(seen.times)}")
     kept = stopped and Path(out).exists()  # a part of a film replaces no earlier tracks
     if not kept:
         write_text(Path(out), table_of(tracks))
     seconds = time.perf_counter() - begin
-    notes = []
     for path, marks, begun in ((seed_points, seeds, ()), (correct, corrections, tracker.begun)):
-        notes += _unused(path, marks, size, tracks, begun)
+        notes += _unused(path, marks, seen, tracks, begun)
     if stopped:
         told = f"{out} is still the earlier file" if kept else "the tracks up to there are kept"
         notes.append(f"stopped after {frames} frames; {told}")
-    _tell(None if kept else str(out), tracks, frames, seconds, stopped, notes, as_json)
+    _tell(None if kept else str(out), tracks, seen, seconds, notes, as_json)
     return INTERRUPTED if stopped else 0
 
 
-def _unused(path, marks, size, tracks, begun):
+def _unused(path, marks, film, tracks, begun):
     """Notes about what a person marked where the film has nothing: no frame, picture or bird."""
-    frames, wide, high = size
+    frames, (wide, high) = film.frames, film.size
     late = sorted(frame for frame in marks if not 0 <= frame < frames)
     if late:
         yield f"{path}: frame {late[0]} is not in the clip, which has frames 0 to {frames - 1}; {len(late)} ignored"
@@ -86,49 +93,67 @@ def _unused(path, marks, size, tracks, begun):
         yield f"{path}: bird {bird} of frame {frame} could not be tracked through three frames; it is left out"
 
 
+class _Followed(NamedTuple):
+    """How a film was gone through."""
+
+    times: list[float]  # s, of the frames that were taken, those that could not be decoded too
+    lost: int  # of these, how many could not be decoded
+    stopped: bool  # whether somebody stopped it
+    frames: int  # of the film
+    size: tuple[int, int]
+    damage: str
+
+
 def _follow(clip, tracker):
-    """(frames taken, whether somebody stopped it, (frames of the film, its width and height))."""
+    times: list[float] = []
     with FilmReader(clip) as film:
-        done, stopped = _steps(film, tracker, film.length)
-        return done, stopped, (max(done, film.length) if stopped else done, *film.size)
+        stopped = _steps(film, tracker, times)
+        frames = max(len(times), film.length) if stopped else len(times)
+        lost = sum(number < len(times) for number in film.lost)
+        return _Followed(times, lost, stopped, frames, film.size, "" if stopped else film.damage)
 
 
-def _steps(film, tracker, total):
-    frames_done = 0
-    with progress("tracking birds", total) as bar:
+def _steps(film, tracker, times):
+    """Track the birds of all frames, taking up the times of these; whether somebody stopped it."""
+    with progress("tracking birds", film.length) as bar:
         try:
-            while True:
-                image = film.read()
-                if image is None:
-                    return frames_done, False
+            while (image := film.read()) is not None:
+                for time_lost in film.gap:  # the birds fly on
+                    tracker.take([])
+                    times.append(time_lost)
                 tracker.step(image)
-                frames_done += 1
-                bar(frames_done)
+                times.append(film.time)
+                bar(len(times))
         except KeyboardInterrupt:  # what was followed so far is worth keeping
-            return frames_done, True
+            return True
+    return False
 
 
 def table_of(tracks: Tracks) -> str:
-    """Tracks as a table with ``frame,id,x,y``."""
-    rows = ["frame,id,x,y"]
+    """Tracks as a table with ``frame,id,x,y``, and with ``time``, s, where that is known."""
+    timed = tracks.times is not None and np.isfinite(tracks.times).any()
+    rows = ["frame,id,x,y" + (",time" if timed else "")]
     for f in range(len(tracks.px)):
+        when = f",{tracks.times[f]:.6f}" if timed else ""
         for n in np.flatnonzero(tracks.seen[f]):
             x, y = tracks.px[f, n]
-            rows.append(f"{tracks.first + f},{tracks.ids[n]},{x:.3f},{y:.3f}")
+            rows.append(f"{tracks.first + f},{tracks.ids[n]},{x:.3f},{y:.3f}{when}")
     return "\n".join(rows) + "\n"
 
 
-def _tell(out, tracks, frames, seconds, stopped, notes, as_json):
+def _tell(out, tracks, film, seconds, notes, as_json):
+    frames = len(film.times)
     sights = tracks.seen.sum(0)
     alive = tracks.alive.sum(0)
     whole = int((alive >= 0.95 * len(tracks.px)).sum())
     facts = {
         "birds": len(tracks.ids),
         "frames": frames,
+        "frames_lost": film.lost,
         "whole": whole,
         "in_gaps": int((alive - sights).sum()),
         "seconds": seconds,
-        "stopped": stopped,
+        "stopped": film.stopped,
         "notes": notes,
         "file": out,
     }

@@ -19,6 +19,7 @@ WRAPPED = (
 )
 EARTH = 111_319.49079327358  # m of a degree at the equator
 SAME_RATE = 0.01  # of a rate: what a person or another file says may be off from the file's by so much
+UNEVEN, MOST = 0.25, 0.98  # of the usual interval: frames are evenly spaced if so many are, give or take so much
 SURE = 0.6  # confidence of a body part, below which it is taken as not seen
 
 
@@ -63,6 +64,32 @@ def heights_left_out(z) -> list[str]:
         f"heights, {span}, are left out: distances and speeds are those in plan; a run of Flockbrush is measured in "
         "space from its recording, or from its .csv or .parquet without options"
     ]
+
+
+def unevenness(times) -> str:
+    """What is wrong with the times (n,), s, of a row of frames that are not evenly spaced; "" of others.
+
+    Of frames without a time (NaN) nothing is known.  A few frames may be missing.
+    """
+    steps = _steps(times)
+    if not len(steps):
+        return ""
+    usual, mean = float(np.median(steps)), float(steps.mean())
+    if (np.abs(steps - usual) <= UNEVEN * usual).mean() > MOST and abs(mean - usual) <= UNEVEN * usual:
+        return ""
+    return f"its frames are not evenly spaced in time, {steps.min():.3g} to {steps.max():.3g} s apart"
+
+
+def evened(times) -> str:
+    """What to do where tracks need evenly spaced frames, and those of their film, at times (n,), s, are not."""
+    rate = 1.0 / float(np.quantile(_steps(times), 0.9))
+    return f"track an even copy of the film, as from ffmpeg -i FILM -vf fps={rate:.3g} EVEN.mp4"
+
+
+def _steps(times):
+    """Seconds from frame to frame, where they are known."""
+    known = np.flatnonzero(np.isfinite(times))
+    return np.diff(np.asarray(times, float)[known]) / np.diff(known)
 
 
 # rows to places -------------------------------------------------------------------------------

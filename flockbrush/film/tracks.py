@@ -29,6 +29,7 @@ class Tracks:
     ids: np.ndarray  # (N,) of int
     first: int = 0  # number of the first frame
     notes: list[str] = field(default_factory=list)  # what was noticed and mended
+    times: np.ndarray | None = None  # (F,) s, NaN unknown; None of a film whose frames are evenly spaced, or may be
 
     @property
     def seen(self) -> np.ndarray:
@@ -43,7 +44,7 @@ class Tracks:
 
 
 def read_tracks(path: str | Path, least: int = 3) -> Tracks:
-    """Tracks from a CSV with ``frame,id,x,y``, pixels; further columns are ignored.
+    """Tracks from a CSV with ``frame,id,x,y``, pixels, and perhaps ``time``, s; further columns are ignored.
 
     Parameters
     ----------
@@ -55,11 +56,18 @@ def read_tracks(path: str | Path, least: int = 3) -> Tracks:
     ProblemsError
         With file, line and column of what is wrong: up to twenty of them.
     """
-    return _without_points(str(path), _assembled(str(path), *_rows(path)), least)
+    *rows, times = _rows(path, "time", _seconds)
+    tracks = _assembled(str(path), *rows)
+    tracks.times = np.full(len(tracks.px), np.nan)
+    tracks.times[rows[0] - tracks.first] = times
+    return _without_points(str(path), tracks, least)
 
 
-def _rows(path, gone=None):
-    """(frames, ids, px, lines) of a table of tracks; ProblemsError.  `gone` takes up the column of this name."""
+def _rows(path, further, read):
+    """(frames, ids, px, lines, more) of a table of tracks; ProblemsError.
+
+    ``more`` has what ``read(path, line, cell, problems)`` makes of the cells of the column ``further``, "" without it.
+    """
     name = str(path)
     rows = read_table(path, limits.TRACKS_BYTES, limits.TRACK_ROWS)
     header = [cell.strip().lower() for cell in next(rows, (1, []))[1]]
@@ -76,8 +84,8 @@ def _rows(path, gone=None):
                 )
             ]
         )
-    further = header.index("gone") if gone is not None and "gone" in header else None
-    return _parsed(name, rows, [header.index(column) for column in COLUMNS], further, gone)
+    at = header.index(further) if further in header else None
+    return _parsed(name, rows, [header.index(column) for column in COLUMNS], at, read)
 
 
 def read_marks(path: str | Path) -> dict[int, list[tuple]]:
@@ -89,17 +97,17 @@ def read_marks(path: str | Path) -> dict[int, list[tuple]]:
     ------
     ProblemsError
     """
-    removed: list[bool] = []
-    frames, ids, px, _ = _rows(path, removed)
+    frames, ids, px, _, removed = _rows(path, "gone", _said_gone)
     marks: dict[int, list[tuple]] = {}
     for frame, bird, (x, y), no in zip(frames.tolist(), ids.tolist(), px.tolist(), removed, strict=True):
         marks.setdefault(frame, []).append((bird, x, y, True) if no else (bird, x, y))
     return marks
 
 
-def _parsed(name, rows, where, further=None, gone=None):
-    """(frames, ids, px, lines) of the rows; ProblemsError."""
+def _parsed(name, rows, where, further, read):
+    """(frames, ids, px, lines, more) of the rows; ProblemsError."""
     problems: list[Problem] = []
+    more = []
     frames, ids, px, lines = array("q"), array("q"), array("d"), array("q")
     for line, row in rows:
         values = [_number(name, line, column, row, at, problems) for column, at in zip(COLUMNS, where, strict=True)]
@@ -110,18 +118,25 @@ def _parsed(name, rows, where, further=None, gone=None):
             ids.append(int(values[1]))
             px.extend(values[2:])
             lines.append(line)
-            if gone is not None:
-                gone.append(_said_gone(name, line, row, further, problems))
+            cell = row[further].strip() if further is not None and further < len(row) else ""
+            more.append(read(name, line, cell, problems))
     if problems:
         raise ProblemsError(problems)
     if not frames:
         raise ProblemsError([Problem(name, None, None, "has no birds")])
-    return np.array(frames), np.array(ids), np.array(px).reshape(-1, 2), np.array(lines)
+    return np.array(frames), np.array(ids), np.array(px).reshape(-1, 2), np.array(lines), more
 
 
-def _said_gone(name, line, row, at, problems):
+def _seconds(_name, _line, cell, _problems):
+    """The time of a row; NaN where it has none, or none in seconds."""
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _said_gone(name, line, cell, problems):
     """Whether a row says that there is no bird."""
-    cell = row[at].strip() if at is not None and at < len(row) else ""
     if cell not in ("", "0", "1"):
         problems.append(Problem(name, line, "gone", f"must be 1 where there is no bird, else 0, got {cell!r}"))
     return cell == "1"
@@ -172,11 +187,11 @@ def _without_points(name, tracks, least):
     if short.any():
         who = ", ".join(map(str, tracks.ids[short][:10])) + (", ..." if short.sum() > 10 else "")
         tracks.notes.append(f"left out, visible in fewer than three frames: bird{'s' if short.sum() > 1 else ''} {who}")
-        remaining = Tracks(tracks.px[:, ~short], tracks.ids[~short], tracks.first, tracks.notes)
-        rows = np.flatnonzero(remaining.seen.any(1))
-        return Tracks(
-            remaining.px[rows[0] : rows[-1] + 1], remaining.ids, remaining.first + int(rows[0]), remaining.notes
-        )
+        px = tracks.px[:, ~short]
+        rows = np.flatnonzero(np.isfinite(px).all(-1).any(1))
+        span = slice(rows[0], rows[-1] + 1)
+        first = tracks.first + int(rows[0])
+        return Tracks(px[span], tracks.ids[~short], first, tracks.notes, tracks.times[span])
     return tracks
 
 

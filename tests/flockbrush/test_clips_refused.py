@@ -47,7 +47,7 @@ LANDMARKS = ("--landmark", "0:10,10,40,40", "--landmark", "9:90,50,40,40")
 OUTSIDE = ("--landmark", "0:230,10,40,40", "--landmark", "9:5,5,40,40")
 NEAR = "no animals were detected: nothing has a colour near the given 0,0,255"
 REFUSED = [
-    ("text.mp4", (), "input); it may be the wrong file, or incomplete", True),
+    ("text.mp4", (), "is not a readable video (formats: ", True),
     ("empty.mp4", (), "is empty (0 bytes)", True),
     ("song.mp4", (), "has no video stream, only audio", True),
     ("still.mp4", (), "nothing moves in frames 0 to 9", True),

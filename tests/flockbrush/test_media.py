@@ -7,12 +7,15 @@ import time
 import cv2
 import numpy as np
 import pytest
-from clip_film import film
+from clip_film import damaged, film
 from crafted import plain_png, png_chunks, png_of
 from flockbrush.engine import limits
 from flockbrush.engine.problems import ProblemsError
 
+from flockbrush.film.clip_frames import Film
+from flockbrush.film.clip_reader import open_clip
 from flockbrush.film.media import FilmReader, open_container, picture_size, read_picture
+from flockbrush.film.observations import CannotObserve
 
 PICTURE = np.random.default_rng(0).integers(0, 255, (37, 53, 3), np.uint8)
 
@@ -83,6 +86,54 @@ def test_a_reader_gives_what_opencv_gives(clip):
     assert all(np.array_equal(frame, film.read()[1]) for frame in frames)
     reader.seek(0.5)
     assert np.array_equal(reader.read(), frames[round(10 * reader.time)])
+
+
+# damage ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def keyed(tmp_path_factory):
+    """As `clip`; each frame can be decoded without the others."""
+    path = tmp_path_factory.mktemp("media") / "keyed.mp4"
+    return film(path, [np.full((48, 64, 3), 10 * k, np.uint8) for k in range(12)], g="1")
+
+
+def test_frames_after_damaged_ones_keep_their_numbers(keyed, tmp_path):
+    hurt = damaged(tmp_path / "a.mp4", keyed, 4, 6)
+    with FilmReader(hurt) as film:
+        numbers = [film.number for _ in range(9) if film.skip()]
+        assert numbers == [0, 1, 2, 3, 7, 8, 9, 10, 11] and film.lost == [4, 5, 6] and not film.skip()
+        first = "the first that is lost is frame 4"
+        assert film.damage == f"the file says it has 12 frames, 9 can be read, {first}: it is incomplete or damaged"
+    shown = Film(hurt)
+    order = [8, 3, 11, 5, 0, 7]
+    grey = [shown.frame(k).mean() for k in order]
+    assert np.allclose(grey, [10 * (4 if k == 5 else k) for k in order], atol=16) and len(shown) == 12
+    assert [grey[n] for n in (0, 1, 2, 4, 5)] == [Film(keyed).frame(k).mean() for k in (8, 3, 11, 0, 7)]
+    assert shown.lost == {4, 5, 6} and "9 can be read" in shown.notes[0]
+    assert open_clip(hurt).notes[0] == "it is damaged after frame 3; later frames are ignored"
+
+
+@pytest.mark.parametrize(("first", "can"), [(5, "5 can"), (0, "none can")])
+def test_a_film_that_ends_too_early_says_how_much_is_there(keyed, tmp_path, first, can):
+    hurt = damaged(tmp_path / "a.mp4", keyed, first)
+    told = f"the file says it has 12 frames, {can} be read: it is incomplete or damaged"
+    if first:
+        assert Film(hurt).notes == [told] and open_clip(hurt).notes == [told]
+    else:
+        for opened in (Film, open_clip):
+            with pytest.raises(ProblemsError if opened is Film else CannotObserve, match=told):
+                opened(hurt)
+    assert Film(keyed).notes == []
+
+
+@pytest.mark.parametrize(("name", "text"), [("empty.mp4", ""), ("text.mp4", "hello"), ("gone.mp4", None)])
+def test_all_commands_say_the_same_of_what_is_no_film(cli, tmp_path, name, text):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    commands = ("track", "--out", tmp_path / "a.csv"), ("fields", "--out", tmp_path / "a.npz"), ("play", "--clip")
+    told = {cli(*words, tmp_path / name).err for words in commands}
+    assert len(told) == 1 and told.pop().startswith(f"{tmp_path / name}: ")
 
 
 # sizes -----------------------------------------------------------------------------------------

@@ -8,7 +8,12 @@ import pytest
 
 from benchmarks.sky_film import film
 from flockbrush.cli.main import called
+from flockbrush.film.clip_document import Book
+from flockbrush.film.clip_frames import Film
+from flockbrush.film.tracks import read_tracks
 from flockbrush.lifting.lens import Camera
+from tests.clip_film import birds_at, damaged
+from tests.clip_film import film as film_of
 
 CAMERA = Camera(width=320, height=180, horizontal_fov_deg=60, fps=30, mean_speed=5, near=5, far=100)
 
@@ -37,6 +42,41 @@ def test_a_film_becomes_tracks_and_tracks_become_a_flight(clip, tmp_path, capsys
     assert called(["lift", str(tracks), "--camera", str(camera), "--out", str(flock)]) == 0
     with open(flock) as file:
         assert len({row["id"] for row in csv.DictReader(file)}) == 4
+
+
+def test_frames_that_are_lost_are_gaps_of_the_tracks_and_told(tmp_path, capsys):
+    whole = film_of(tmp_path / "whole.mp4", [birds_at(k) for k in range(20)], 30, g="1")
+    hurt = damaged(tmp_path / "hurt.mp4", whole, 8, 9)
+    tables = [tmp_path / "whole.csv", tmp_path / "hurt.csv"]
+    assert called(["track", str(whole), "--out", str(tables[0])]) == 0
+    capsys.readouterr()
+    assert called(["track", str(hurt), "--out", str(tables[1]), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["frames"], told["frames_lost"]) == (20, 2)
+    assert "18 can be read, the first that is lost is frame 8" in told["notes"][0]
+    rows = [table.read_text().splitlines() for table in tables]
+    assert rows[1] == [row for row in rows[0] if not row.startswith(("8,", "9,"))]
+    short = damaged(tmp_path / "short.mp4", whole, 2)
+    assert called(["track", str(short), "--out", str(tables[1])]) == 1
+    assert "short.mp4: the file says it has 20 frames, 2 can be read" in capsys.readouterr().err
+
+
+def test_tracks_of_an_uneven_film_have_times_and_are_not_lifted(tmp_path, capsys):
+    at = [*range(12), *range(12, 40, 3)]
+    clip = film_of(tmp_path / "uneven.mp4", [birds_at(k) for k in at], 30, at)
+    tracks, camera, flock = (tmp_path / name for name in ("t.csv", "cam.toml", "flock.csv"))
+    assert called(["track", str(clip), "--out", str(tracks)]) == 0
+    uneven = "its frames are not evenly spaced in time, 0.0333 to 0.1 s apart"
+    assert f"note: {uneven}: the table has their times" in capsys.readouterr().err
+    times = {int(row["frame"]): float(row["time"]) for row in csv.DictReader(tracks.open())}
+    assert times == pytest.approx({k: at[k] / 30 for k in times}, abs=1e-5) and len(times) > 18
+    camera.write_text("".join(f"{name} = {value}\n" for name, value in CAMERA.model_dump().items()))
+    assert called(["lift", str(tracks), "--camera", str(camera), "--out", str(flock)]) == 1
+    assert f"t.csv: {uneven}" in (said := capsys.readouterr().err) and "-vf fps=10 EVEN.mp4" in said
+    book = Book(film := Film(clip), tmp_path)
+    book.load(tracks)
+    book.save()
+    assert film.fps == pytest.approx(30) and read_tracks(book.place("tracks.csv")).times[-1] == pytest.approx(1.3)
 
 
 def test_a_correction_with_a_mistake_names_its_line(clip, tmp_path, capsys):

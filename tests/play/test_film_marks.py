@@ -9,7 +9,7 @@ import pytest
 from flockbrush.film.clip_document import Book
 from flockbrush.film.clip_frames import Film
 from flockbrush.film.landmarks import Landmark
-from tests.clip_film import bird_film
+from tests.clip_film import bird_film, birds_at, damaged, film
 from tests.play.test_clip_window import Hands
 
 
@@ -32,6 +32,16 @@ def test_a_body_is_as_long_as_learn_takes_it(sky_clip, open_window):
     window.drag((160, 90), (161.5, 90))
     assert window.book.state.marks.body_length is None
     assert window.said() == ["A body has 2 to 2000 pixels, not 1.5."]
+
+
+def test_a_damaged_film_is_told_and_its_birds_fly_on_where_frames_are_lost(tmp_path, open_window):
+    whole = film(tmp_path / "whole.mp4", [birds_at(k) for k in range(20)], 30, g="1")
+    window = open_window(Film(damaged(tmp_path / "hurt.mp4", whole, 8, 9)), "birds")
+    assert "hurt.mp4: the file says it has 20 frames, 18 can be read" in window.said()[0]
+    window.push("Track birds")
+    window.wait()
+    sights = np.isfinite(window.book.state.birds.px[..., 0]).sum(1).tolist()
+    assert sights[7:11] == [3, 0, 0, 3] and len(window.book.state.birds.ids) == 3
 
 
 def test_birds_are_tracked_by_one_job_at_a_time(sky_clip, open_window, monkeypatch):

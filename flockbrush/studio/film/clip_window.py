@@ -68,6 +68,8 @@ class ClipWindow(Window):
         self.modes = [kind(self) for kind in kinds]
         self.mode = next((one for one in self.modes if one.name == mode), self.modes[0])
         self.open(size)
+        for note in self.film.notes:
+            self.toasts.say(f"{self.film.name}: {note}", "warning")
 
     # controls ---------------------------------------------------------------------------
 

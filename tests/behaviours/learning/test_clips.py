@@ -91,7 +91,7 @@ def test_what_is_no_film_is_refused_by_name(tmp_path):
     assert "there is no such file" in refusal(tmp_path / "none.mp4")
     assert "is a folder" in refusal(tmp_path)
     assert "is empty" in refusal(tmp_path / "empty.mp4")
-    assert "is not a readable video or picture" in refusal(tmp_path / "text.mp4")
+    assert "is not a readable video (formats: " in refusal(tmp_path / "text.mp4")
 
 
 def test_a_film_without_pictures_says_what_it_has(tmp_path):
