@@ -330,7 +330,7 @@ def reenact(
     """Start a simulation from the first frame of a clip and compare it with the clip, frame by frame."""
     from flockbrush.learning.reenact import reenact_clip
 
-    reenact_clip(clip, brush, look.read(), runs, seed, export, video, json)
+    return reenact_clip(clip, brush, look.read(), runs, seed, export, video, json)
 
 
 # relation ----------------------------------------------------------------------------------

@@ -23,14 +23,14 @@ from flockbrush.learning.simulate import longest_way, simulated
 from flockbrush.learning.words_of_tracks import words_for
 from flockbrush.learning.world_rollout import needs_world
 from flockbrush.render import Video
-from flockbrush.runs.terminal import Interrupts, compiling, measure, print_json, progress, say, show, table
+from flockbrush.runs.terminal import INTERRUPTED, Interrupts, compiling, measure, print_json, progress, say, show, table
 
 SLOWEST = 10.0  # pictures a second of a video: slower clips are shown in real time by repeating frames
 ROWS = 6  # horizons in the table
 
 
-def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None, video=None, as_json=False):
-    """Simulate a clip with a brush, print how well it agrees, and write the requested files.
+def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None, video=None, as_json=False) -> int:
+    """Simulate a clip with a brush, print how well it agrees, write the requested files, and return the exit code.
 
     Parameters
     ----------
@@ -68,13 +68,18 @@ def reenact_clip(clip, brush_name, looking: Looking, runs=3, seed=0, export=None
         if export is not None:
             write_text(export, _csv(evidence, done[0]))
             say(f"wrote {export}")
+        if as_json:
+            print_json(_as_json(evidence, brush, comparison))
+        else:
+            _show(brush, comparison)
         if video is not None:
-            _film(clip, evidence, brush, done[0], video)
+            try:
+                _film(clip, evidence, brush, done[0], video)
+            except KeyboardInterrupt:
+                say(f"stopped; {video} {'is still the earlier file' if Path(video).exists() else 'was not written'}")
+                return INTERRUPTED
             say(f"wrote {video}")
-    if as_json:
-        print_json(_as_json(evidence, brush, comparison))
-    else:
-        _show(brush, comparison)
+    return 0
 
 
 def _brush(name):

@@ -456,6 +456,21 @@ def test_a_clip_is_done_again_frame_by_frame(cli, films, quick, tmp_path):
     assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(12.5)
 
 
+def test_the_comparison_is_told_where_somebody_stops_its_video(cli, films, quick, tmp_path, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("flockbrush.learning.reenact._picture", stopped)
+    video, command = tmp_path / "v.mp4", ("reenact", films / "one.mp4", "--brush", "march", "--frames", "4:15")
+    done = cli(*command, "--runs", 1, "--video", video)
+    assert done.code == 130 and "march against the clip" in done.out
+    assert f"stopped; {video} was not written" in done.err and not list(tmp_path.iterdir())
+    video.write_text("earlier")
+    done = cli(*command, "--runs", 1, "--video", video)
+    assert f"stopped; {video} is still the earlier file" in done.err
+    assert video.read_text() == "earlier" and list(tmp_path.iterdir()) == [video]
+
+
 def test_clip_and_brush_are_compared_as_numbers_for_programs(cli, films, quick):
     done = cli("reenact", films / "one.mp4", "--brush", "graze", "--runs", 2, "--json")
     assert done.code == 0, done.err

@@ -454,6 +454,9 @@ def test_reenact_takes_tracks(circling, tmp_path, capsys):
     assert head.endswith("x_m,y_m")
     cells = dict(zip(head.split(","), map(float, first.split(",")), strict=True))
     assert cells["x_m"] == pytest.approx(0.5 * cells["x_bl"], rel=1e-3)
+    assert called(["measure", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["unit"], told["fps"]) == ("body lengths", pytest.approx(FPS))
 
 
 def test_options_of_films_are_refused_for_tracks(circling, tmp_path, capsys):
