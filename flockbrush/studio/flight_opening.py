@@ -10,13 +10,15 @@ from flockbrush.studio.lift_window import LiftWindow
 from flockbrush.studio.opening import Opening
 
 
-def flight_opening(name, size, theme, read):
+def flight_opening(name, size, theme, read, under=""):
     """The window in which a flight is read or lifted, and then shown.
 
     Parameters
     ----------
     read : callable
         Returns the `flockbrush.lifting.flight_show.Show`.
+    under : str, optional
+        What it is opened over, see `LiftWindow`.
     """
 
     def work():
@@ -25,7 +27,7 @@ def flight_opening(name, size, theme, read):
         return show
 
     doing = "Reading the flight …", "Lifting the flight, or compiling kernels (only at the first start) …"
-    return Opening(name, size, theme, work, lambda show, size: LiftWindow(show, size, theme), doing)
+    return Opening(name, size, theme, work, lambda show, size: LiftWindow(show, size, theme, under), doing)
 
 
 def _try_drawing(show):

@@ -45,6 +45,8 @@ class LiftWindow(Window):
         Pixels.
     theme : {"light", "dark"}, optional
         The one of the playground by default.
+    under : str, optional
+        What it was opened over, and Escape goes back to, such as "the film".
 
     Attributes
     ----------
@@ -54,8 +56,8 @@ class LiftWindow(Window):
         Number of the bird that is picked.
     """
 
-    def __init__(self, show: Show, size=(1280, 720), theme=None):
-        self.show, self.solver = show, Solver(show)
+    def __init__(self, show: Show, size=(1280, 720), theme=None, under=""):
+        self.show, self.solver, self.under = show, Solver(show), under
         super().__init__(theme)
         self.playing, self.late, self.bird = True, 0.0, None
         self.wanted = show.wanted
@@ -119,7 +121,8 @@ class LiftWindow(Window):
             track, self.k, (0, len(self.show) - 1), self.manager, back, object_id="@slider", click_increment=1
         )
         below = pygame.Rect(px(self.scale, 10), px(self.scale, 42), rect.width - px(self.scale, 20), px(self.scale, 20))
-        hint = HINT + FROM_CAMERA * (self.show.camera is not None)
+        back_to = f"Escape: back to {self.under}   " if self.under else ""
+        hint = back_to + HINT + FROM_CAMERA * (self.show.camera is not None)
         self.hint = words(self, below, hint, back, "@note")
 
     def _build_column(self, rect):
@@ -302,7 +305,9 @@ class LiftWindow(Window):
             self.bird = None if row is None else int(self.show.flight.ids[rows[row]])
 
     def cancel(self):
-        """Clear the selection."""
+        """Clear the selection; where there is none, go back to what the window was opened over."""
+        if self.under and self.bird is None and self._held is None:
+            self.quit()
         self.let_go()
         self.bird = None
 

@@ -106,6 +106,19 @@ def test_from_the_camera_birds_are_where_they_were_filmed(window):
     assert (middle.mean() * size <= window.area.size).all()  # all of it
 
 
+def test_escape_goes_back_to_the_film_where_no_bird_is_picked(window):
+    window.key("escape")
+    assert window.running and "Escape" not in window.hint.text  # of the command line, under which there is nothing
+    over = Hands(window.show, (900, 620), "light", "the film")
+    assert over.hint.text.startswith("Escape: back to the film")
+    over.bird = 3
+    over.key("escape")
+    assert over.bird is None and over.running
+    over.key("escape")
+    assert not over.running
+    over.close()
+
+
 def test_a_click_picks_a_bird_and_escape_lets_it_go(window):
     window.step(25)
     window.key("0")

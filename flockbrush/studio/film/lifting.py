@@ -64,4 +64,5 @@ class Lifting:
 
         window = self.window
         read = lambda: open_show(tracks, camera)  # noqa: E731
-        window.open_over(flight_opening(tracks.name, window.screen.get_size(), window.theme.name, read))
+        size, theme = window.screen.get_size(), window.theme.name
+        window.open_over(flight_opening(tracks.name, size, theme, read, "the film"))
