@@ -189,7 +189,7 @@ def _cells(picture, glance, watch, fields, scale):
     rows, columns = np.nonzero(np.isfinite(velocity[..., 0]) & (density > 0.05))
     v = velocity[rows, columns]
     usual, quick = np.quantile(np.hypot(*v.T), (0.5, 0.9)) if len(v) else (0.0, 0.0)
-    pace = f"   median speed {usual:.2g} body lengths/s" if len(v) else ""
+    pace = f", their median speed {usual:.2g} body lengths/s" if len(v) else ""
     longest = 1.2 * grid.cell / max(quick, 1e-6)
     middle = grid.origin + grid.cell * (np.column_stack([columns, rows]) + 0.5)
     for a, b in zip(middle - 0.5 * longest * v, middle + 0.5 * longest * v, strict=True):

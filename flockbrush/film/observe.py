@@ -45,6 +45,7 @@ SMALL = 6.0  # px: shorter bodies are not separated
 FEW = 5  # animals
 HARDLY = 0.7  # BL, the way in the clip below which most animals may be taken for ground
 LEAVES, STAYS = 1.0, 0.1  # BL by which a body leaves its place; share of bodies that stay, above which it is noted
+AT_REST = 0.25  # BL, of the way that the flow of a body's pixels would make in the whole clip
 JUMP, STEADY = 0.5, 0.4  # overlap of the herd with that of the frame before, over the usual; and the least usual one
 AHEAD = 2  # pictures that other threads work on
 MASKING = 2  # threads that make masks
@@ -207,7 +208,7 @@ class Watch:
         usual = float(np.median(taken.collector.rows["count"]))
         if usual < FEW:
             notes.append(f"only about {usual:.0f} animals are visible: too few to learn the motion of a herd")
-        notes += [*taken.jumps(), *(taken.staying() if way > LEAVES else [])]
+        notes += [*taken.jumps(), *taken.staying(way)]
         if not self.apart:
             notes.append("single animals could not be separated; only fields are available")
         return notes
@@ -226,7 +227,7 @@ class _Taken:
         self.watch, self.clip, self.maps = watch, watch.clip, watch.steady.maps
         self.collector = Collector(watch.grid, self.clip.size, watch.size.area, not animals)
         self.flow = Flow(self.clip.size, watch.size.length)
-        self.gap = 0 if self.clip.still else min(self._gap(), len(self.clip) - 1)
+        self.gap = 0 if self.clip.still else min(self._gap(), len(self.clip) // 2)
         self.frames: dict[int, tuple] = {}
         self.seen: list[Outlines] | None = [] if animals else None
         self.last: Outlines | None = None
@@ -234,6 +235,7 @@ class _Taken:
         self.moves: list[np.ndarray] = []
         self.masks: dict[str, np.ndarray] = {}
         self.overlaps: list[float] = []
+        self.flowing, self.resting = 0, 0  # pixels of the flow of all frames, and those of them that are at rest
         self.stays: np.ndarray | None = None  # (h, w) uint8 on the first picture: what has looked like animals so far
 
     def _gap(self):
@@ -289,10 +291,12 @@ class _Taken:
         here = cv2.warpAffine(mask, self.maps[k], mask.shape[::-1], flags=cv2.INTER_NEAREST, borderValue=1)
         return self.stays & here
 
-    def staying(self):
-        """A note if much of what looks like animals never moves."""
+    def staying(self, way):
+        """A note if much of what looks like animals never moves; ``way``: how far they seem to go, BL."""
         first = cv2.countNonZero(self.masks["what looks like animals"])
         share = cv2.countNonZero(self.stays) / max(first, 1)
+        if way <= LEAVES:  # they would not leave their places, or are things that are mistaken for one another
+            share = min(share, self.resting / max(self.flowing, 1))
         if share > STAYS and not self.clip.still:
             yield (
                 f"{share:.0%} of what looks like animals never moves in this clip: either animals that stand, or "
@@ -333,6 +337,7 @@ class _Taken:
         else:
             seconds = float(self.clip.times[other] - self.clip.times[k])
             at, move, _, noise = self.flow.between(small, self.frames[other][2], m, self.maps[other])
+            self._rest(move * zoom_of(m) / abs(seconds))
             slow = SLOW * np.nan_to_num(noise) * zoom_of(m) / self.watch.length / abs(seconds)
             self.collector.add(number, mask, m, seconds, (at, move), slow)
             move = move / seconds
@@ -341,6 +346,12 @@ class _Taken:
         if not self.masks:
             self.masks = {f"frame {number}": picture, "what looks like animals": mask * np.uint8(255)}
         return Glance(k, picture, mask, at, move, bodies)
+
+    def _rest(self, velocity):
+        """Count what is at rest, by the velocities of pixels of bodies (n, 2), px/s."""
+        way = np.hypot(*velocity.T) * float(self.clip.times[-1] - self.clip.times[0])
+        self.flowing += len(way)
+        self.resting += int((way < AT_REST * self.watch.length).sum())
 
     def _follow(self, k, bodies, at, move):
         m = self.maps[k]

@@ -21,6 +21,7 @@ from flockbrush.film.observe import observe
 from flockbrush.film.stabilise import GroundFollower, follow_landmarks, register
 from flockbrush.learning.rollout import Gates
 from flockbrush.learning.scores import spacings
+from tests.clip_film import film
 
 SIZE = (480, 360)
 
@@ -327,3 +328,16 @@ def test_a_herd_near_the_edge_is_whole_unless_bodies_are_there(top, holds):
     fields = collector.fields(10.0)
     assert fields.holds_all is holds and fields.part(slice(1, 3)).holds_all is holds
     assert fields.density[0, -1].sum() > 0 and (Gates.of(fields) is None) is holds
+
+
+@pytest.mark.parametrize("standing", [0, 3])
+def test_a_film_too_short_for_places_to_be_left_tells_what_is_at_rest(tmp_path, standing):
+    rough = np.random.default_rng(4).normal(size=(240, 320, 1)).astype(np.float32)
+    ground = cv2.GaussianBlur(rough, (0, 0), 1.5)[..., None] * 60 + np.array((60, 110, 80))
+    pictures = np.repeat(np.clip(ground, 0, 255).astype(np.uint8)[None], 9, axis=0)
+    for t, picture in enumerate(pictures):
+        for n in range(30):
+            x, y = 30 + 50 * (n % 6) + 2 * t * (n % 5 >= standing), 25 + 44 * (n // 6)
+            cv2.ellipse(picture, (x, y), (8, 4), 0, 0, 360, (235, 240, 240), cv2.FILLED)
+    told = observe(film(tmp_path / "a.mp4", pictures, 30), body_colour=(240, 240, 235)).notes
+    assert any("62% of what looks like animals never moves" in note for note in told) == bool(standing)
