@@ -207,7 +207,9 @@ def _lines_in(panel):
     }
     said = {"mean of simulations": "simulations"}
     told = ", ".join(
-        f"{said.get(name, name)} {_n(np.nanmean(line.y))}" for name, line in last.items() if np.isfinite(line.y).any()
+        f"{said.get(name, name)} {measure(np.nanmean(line.y))}"
+        for name, line in last.items()
+        if np.isfinite(line.y).any()
     )
     return f"Mean: {told}." if told else ""
 
@@ -230,14 +232,18 @@ def _compared(page, findings, charts):
 def _measures(page, findings):
     comparison = findings.comparison
     if not findings.motion:
-        rows = [[TITLES[v.name], *map(_n, (v.clip, v.herd, v.herd_deviation, v.off))] for v in comparison.verdicts()]
+        rows = [
+            [TITLES[v.name], *map(measure, (v.clip, v.herd, v.herd_deviation, v.off))] for v in comparison.verdicts()
+        ]
         page.table(["measure", "photograph", "simulated", "±", "difference"], rows)
         return
     rows = []
     for v in comparison.verdicts():
         met = (("met", "good") if v.met else ("missed", "bad")) if v.name in ORDER else ""
         cells = [v.clip, v.clip_deviation, v.herd, v.herd_deviation, v.off]
-        rows.append([TITLES[v.name], met, *map(_n, cells), _n(v.allowed) if met else "", _n(v.frame_error)])
+        rows.append(
+            [TITLES[v.name], met, *map(measure, cells), measure(v.allowed) if met else "", measure(v.frame_error)]
+        )
     columns = ["measure", "", "clip", "±", "simulated", "±", "difference", "allowed", "per-frame error"]
     page.table(columns, rows, words=2)
 
@@ -291,14 +297,10 @@ def _errors(page, comparison):
         return
     times = [time for time, _ in next(iter(told.values()))]
     rows = [
-        [TITLES[name], *(_n(error) for _, error in series), _n(comparison.figures("-")[f"- {name}"])]
+        [TITLES[name], *(measure(error) for _, error in series), measure(comparison.figures("-")[f"- {name}"])]
         for name, series in told.items()
     ]
     page.table(["error", *(f"after {time:.2f} s" for time in times), "mean"], rows)
-
-
-def _n(value, digits=3):
-    return measure(float(value), digits)
 
 
 def _searched(page, findings, charts):
@@ -310,17 +312,13 @@ def _searched(page, findings, charts):
     bare = f"The chosen start, {chosen.name}, has no curve: it was used without a search."
     _show(page, charts, "loss", "" if len(chosen.loss) else bare)
     shown = sorted((a for a in learned.starts if np.isfinite(a.score)), key=lambda a: a.score)[:SEARCHED] or [chosen]
-    rows = [[a.name, len(a.loss), _n(a.score, 2)] for a in shown]
+    rows = [[a.name, len(a.loss), measure(a.score, 2)] for a in shown]
     page.table(["start", "steps", "distance to the clip"], rows, chief=[k for k, a in enumerate(shown) if a is chosen])
     left = len(learned.starts) - len(shown)
     page.say(
         "Distance to the clip: on the frames learned from, in standard deviations of the clip."
         + (f" {left} other starts were worse or were dropped; figures.json lists all." if left else ""), "small",
     )  # fmt: skip
-
-
-def _word(value):
-    return number(value, 3) if isinstance(value, float) else str(value)
 
 
 def _counts(page, findings):
@@ -339,7 +337,7 @@ def _counts(page, findings):
     for r in findings.counts:
         strayed = findings.strayed(r)
         kept = [(strayed, "bad") if strayed else ("nothing", "good")] if findings.motion else []
-        figures = [_n(r[name]) for name in ("polarization", "milling", "spacing", "together")]
+        figures = [measure(r[name]) for name in ("polarization", "milling", "spacing", "together")]
         rows.append([f"{r['factor']:g} times", f"{r['animals']:,}", *figures, *kept])
     columns = ["", "animals", "polarization", "milling", "nearest neighbour, BL", "share in one herd"]
     page.table([*columns, *(["not kept"] if findings.motion else [])], rows)
@@ -354,7 +352,7 @@ def _ablations(page, findings):
         "growth of the errors shows the contribution of the part."
     )
     columns = list(findings.ablations[0])
-    rows = [[row[c] if isinstance(row[c], str) else _n(row[c]) for c in columns] for row in findings.ablations]
+    rows = [[row[c] if isinstance(row[c], str) else measure(row[c]) for c in columns] for row in findings.ablations]
     page.table([c.replace("_", " ") for c in columns], rows, chief=[0])
     parts = [(f"without {part}", f"not used: {words}") for part, words in PARTS.items()]
     page.facts(pair for pair in parts if any(row["method"] == pair[0] for row in findings.ablations))
@@ -431,7 +429,8 @@ def write_partial(folder, clip, message: str, seen: dict, command="") -> Path:
     seen = dict(seen)
     pictures = seen.pop("pictures", {})
     page.head("Observations")
-    page.facts((FACTS.get(name, name.replace("_", " ")), _word(value)) for name, value in seen.items())
+    told = {name: number(value, 3) if isinstance(value, float) else value for name, value in seen.items()}
+    page.facts((FACTS.get(name, name.replace("_", " ")), value) for name, value in told.items())
     for title, image in pictures.items():
         scale = max(1.0, image.shape[1] / 720)
         words, filmed = LOOKED_AT.get(title, title), image.ndim == 3

@@ -33,8 +33,8 @@ def judged_rows(judgement) -> list[list[str]]:
     for row in judgement.brush.rows:
         met = ("met" if row.met else "missed") if row.name in judgement.told else "inconclusive"
         later = alone.get(row.name)
-        lasts = ["", ""] if later is None else [_n(later.herd), "persists" if later.met else "does not persist"]
-        cells = [_n(value) for value in (row.clip, row.herd, row.off, row.limit, row.by_chance)]
+        lasts = ["", ""] if later is None else [measure(later.herd), "persists" if later.met else "does not persist"]
+        cells = [measure(value) for value in (row.clip, row.herd, row.off, row.limit, row.by_chance)]
         rows.append([f"{row.name} {MEASURES[row.name].unit}".strip(), met, *cells, *lasts])
     return rows
 
@@ -63,12 +63,8 @@ def add_judgement(page, judgement):
     everybody = sorted([judgement.brush, *judgement.rivals], key=lambda one: one.distance(judgement.told))
     told = judgement.told
     cells = [
-        [one.name, _n(one.distance(told), 2), str(len(one.missed(told))), ", ".join(one.missed(told))]
+        [one.name, measure(one.distance(told), 2), str(len(one.missed(told))), ", ".join(one.missed(told))]
         for one in everybody
     ]
     chief = [k for k, one in enumerate(everybody) if one is judgement.brush]
     page.table(["herd", "distance", "missed", ""], cells, chief=chief)
-
-
-def _n(value, digits=3):
-    return measure(float(value), digits)

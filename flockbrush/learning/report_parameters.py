@@ -24,14 +24,14 @@ def add_parameters(page, findings, show):
     rows = []
     for k, name in enumerate(learned.names):
         told = ("identifiable", "good") if learned.identifiable[k] else ("not identifiable", "quiet")
-        deviation = [_n(learned.deviation[k] if learned.deviation[k] < 1 else math.nan)] if sure else []
+        deviation = [measure(learned.deviation[k] if learned.deviation[k] < 1 else math.nan)] if sure else []
         rows.append(
             [
                 plain(name),
                 told,
-                _n(learned.theta[k]),
+                measure(learned.theta[k]),
                 _real(learned, k),
-                _n(math.nan if alone else learned.spread[k]),
+                measure(math.nan if alone else learned.spread[k]),
                 *deviation,
                 *([confounded[name]] if sure else []),
             ]
@@ -92,16 +92,8 @@ def _real(learned, k):
 
 def _extra(name, value):
     """A parameter of the model with its unit and meaning."""
-    field = Params.model_fields.get(name)
+    told, field = number(value, 3) if isinstance(value, float) else str(value), Params.model_fields.get(name)
     if field is None:
-        return _told(value)
+        return told
     more = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
-    return f"{_told(value)} {more.get('unit', '')}: {field.description}"
-
-
-def _n(value, digits=3):
-    return measure(float(value), digits)
-
-
-def _told(value):
-    return number(value, 3) if isinstance(value, float) else str(value)
+    return f"{told} {more.get('unit', '')}: {field.description}"
