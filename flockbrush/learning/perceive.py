@@ -31,14 +31,12 @@ class Percept(NamedTuple):
     """
 
     forward: np.ndarray  # (n, 2) unit headings
-    species: np.ndarray  # (n,) int32
     leader: np.ndarray  # (n,) uint8
     first: np.ndarray  # (n + 1,) int64
     near: np.ndarray  # (m,) int32 rows
     offset: np.ndarray  # (m, 2) BL, from the observer to the neighbour
     walls_first: np.ndarray  # (n + 1,) int64
     walls_offset: np.ndarray  # (k, 2) BL
-    guidance: np.ndarray  # (n, 2) where leaders are led, length at most 1
     memory: np.ndarray  # (n, 2) BL, from the observer to where it last saw others
     known: np.ndarray  # (n,) uint8, whether there is such a memory
 
@@ -58,10 +56,8 @@ class Percept(NamedTuple):
         return np.repeat(np.arange(self.animals), np.diff(self.walls_first))
 
 
-def perceive(
-    xy, forward, body=None, vision=None, params=None, *, walls=None, species=None, guide=None, time=0.0
-) -> Percept:
-    """What each animal of one frame perceives.
+def perceive(xy, forward, body=None, vision=None, params=None, *, walls=None) -> Percept:
+    """What each animal of one frame perceives; all are of one kind.
 
     Parameters
     ----------
@@ -73,10 +69,6 @@ def perceive(
         Of the herd model: the rule of leaders.
     walls : Walls, optional
         `flockbrush.learning.rollout.Walls`: solid, and they block the view.
-    species : (n,) int ndarray, optional
-        Only the same kind is followed; all are one kind by default.
-    guide : Guide, optional
-        `flockbrush.learning.rollout.ClipGuide`: what leaders follow, at ``time`` seconds.
     """
     body, vision, params = body or BodySpec(), vision or VisionSpec(), params or Params()
     n, reach = len(xy), float(vision.range)
@@ -88,16 +80,12 @@ def perceive(
     hides = vision.occlusion and vision.sight not in BODILESS
     lists = visible_neighbours(cells, np.full(n, reach), np.full(n, cosine_of(vision)), solid, hides)
     lists = chosen_of_one_kind(lists, vision.sight, vision.neighbours)
-    kinds = np.zeros(n, np.int32) if species is None else np.asarray(species, np.int32)
-    leader, memory, known = _leaders(xyz, facing, kinds, lists, params)
-    guidance = np.zeros((n, 2)) if guide is None else guide.at(time, xyz[:, :2])
+    leader, memory, known = _leaders(xyz, facing, lists, params)
     first, near, offset = lists
     owner = NO_OWNER if walls is None else walls.owner
     walls_first, walls_offset = walls_in_sight(xyz, np.full(n, reach), solid, owner)
-    return Percept(
-        facing[:, :2].copy(), kinds, leader, first, near, offset, walls_first, walls_offset, guidance,
-        memory - xyz[:, :2], known,
-    )  # fmt: skip
+    own, back = facing[:, :2].copy(), memory - xyz[:, :2]
+    return Percept(own, leader, first, near, offset, walls_first, walls_offset, back, known)
 
 
 def half_and_radius(body):
@@ -113,11 +101,11 @@ def cosine_of(vision) -> float:
     return float(cosine[0])
 
 
-def _leaders(xyz, forward, species, lists, params):
+def _leaders(xyz, forward, lists, params):
     """Leaders by the rule of a run (paper, section 5.1), and where each animal last saw others."""
     n = len(xyz)
     leader, memory, known = np.zeros(n, np.uint8), xyz[:, :2].copy(), np.zeros(n, np.uint8)
-    members = Members(np.arange(n), xyz, np.ones(n), species, np.zeros(n, np.int32))
+    members = Members(np.arange(n), xyz, np.ones(n), *np.zeros((2, n), np.int32))
     roles_kernel(0, n, forward, *lists, members, leader_rule(params), RoleState(leader, memory, known))
     return leader, memory, known
 
@@ -156,7 +144,7 @@ def together(percepts) -> Percept:
     )
 
 
-_COLUMNS = ("forward", "species", "leader", "offset", "walls_offset", "guidance", "memory", "known")
+_COLUMNS = "forward", "leader", "offset", "walls_offset", "memory", "known"
 
 
 def _chained(firsts, shifts):

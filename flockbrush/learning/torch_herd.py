@@ -33,10 +33,8 @@ class TorchPercept(NamedTuple):
     j: torch.Tensor  # (m,) neighbours within range
     offset: torch.Tensor  # (m, 2) BL
     distance2: torch.Tensor  # (m,) BL²
-    kin: torch.Tensor | None  # (m,) 1.0 where of one kind; None when all are
     walls_i: torch.Tensor  # (k,)
     walls: torch.Tensor  # (k, 2) BL
-    guidance: torch.Tensor  # (n, 2)
     memory: torch.Tensor  # (n, 2)
     known: torch.Tensor  # (n,) bool
 
@@ -76,16 +74,14 @@ def sight_of(percept: Percept, neighbour_range=REACH, device=None) -> TorchPerce
     near = (offset**2).sum(1) <= neighbour_range**2
     if not near.all():
         i, j, offset = i[near], j[near], offset[near]
-    kin = percept.species[i] == percept.species[j]
 
     def tensor(values, dtype=torch.float64):
         return torch.as_tensor(np.ascontiguousarray(values), dtype=dtype, device=at)
 
     return TorchPercept(
         tensor(percept.forward), tensor(percept.leader, torch.bool), tensor(i, torch.int64), tensor(j, torch.int64),
-        tensor(offset), tensor((offset**2).sum(1)), None if kin.all() else tensor(kin),
-        tensor(percept.walls_observer, torch.int64), tensor(percept.walls_offset), tensor(percept.guidance),
-        tensor(percept.memory), tensor(percept.known, torch.bool),
+        tensor(offset), tensor((offset**2).sum(1)), tensor(percept.walls_observer, torch.int64),
+        tensor(percept.walls_offset), tensor(percept.memory), tensor(percept.known, torch.bool),
     )  # fmt: skip
 
 
@@ -124,10 +120,7 @@ def forces(theta, sight: TorchPercept, forward=None, others=None):
     def weigh(kind, distance2, bearing):  # eq. 4
         return weight[kind] * torch.exp(-(distance2 * radial[kind] + bearing * angular[kind]))
 
-    avoid = weigh(AVOIDANCE, sight.distance2, bearing)
-    join, align = (weigh(kind, sight.distance2, bearing) for kind in (COHESION, ALIGNMENT))
-    if sight.kin is not None:  # one gives way to other kinds, and does not join them
-        join, align = join * sight.kin, align * sight.kin
+    avoid, join, align = (weigh(kind, sight.distance2, bearing) for kind in (AVOIDANCE, COHESION, ALIGNMENT))
     # eq. 5; d u is the offset itself
     pairs = (join - avoid)[:, None] * sight.offset + align[:, None] * others[sight.j]
     total = torch.zeros_like(forward).index_add(0, sight.i, pairs)
@@ -137,11 +130,10 @@ def forces(theta, sight: TorchPercept, forward=None, others=None):
     return total
 
 
-def headings(
-    theta, sight: TorchPercept, dt=DT, *, sensitivity=SENSITIVITY, forward=None, others=None, leader_blend=0.0,
-    unled_returns=True, leaders=True, turn_bias=0.0,
-):  # fmt: skip
-    """The next unit heading of every animal (eqs. 2-5), (n, 2): what `herd_kernel` gives.
+def headings(theta, sight: TorchPercept, dt=DT, *, sensitivity=SENSITIVITY, forward=None, others=None):
+    """The next unit heading of every animal (eqs. 2-5), (n, 2): what `herd_kernel` gives where nobody is guided.
+
+    Leaders return to where they last saw others.
 
     Parameters
     ----------
@@ -154,17 +146,13 @@ def headings(
         Headings other than those of ``sight``.
     others : (n, 2) tensor, optional
         What the neighbours' headings are, if not ``forward``.
-    leader_blend, unled_returns, turn_bias
-        As in `flockbrush.behaviours.models.herd.Params`.
-    leaders : bool
-        False: leaders obey the forces, too.
     """
     forward = sight.forward if forward is None else forward
     turn = dt * sensitivity
-    left = torch.stack([-forward[:, 1], forward[:, 0]], dim=1)
-    heading = forward + turn * forces(theta, sight, forward, others) + dt * turn_bias * left
-    if leaders and bool(sight.leader.any()):
-        heading = _led(heading, forward, sight, turn, leader_blend, unled_returns)
+    heading = forward + turn * forces(theta, sight, forward, others)
+    far = torch.linalg.vector_norm(sight.memory, dim=1, keepdim=True)
+    back = (sight.leader & sight.known)[:, None] & (far > 1.0)
+    heading = torch.where(back, heading + turn * 0.3 * sight.memory / torch.clamp(far, min=1.0), heading)
     return _unit_or(heading, forward)
 
 
@@ -173,21 +161,3 @@ def _unit_or(vectors, otherwise):
     size2 = (vectors**2).sum(1, keepdim=True)
     fine = size2 > 1e-24
     return torch.where(fine, vectors / torch.sqrt(torch.where(fine, size2, torch.ones_like(size2))), otherwise)
-
-
-def _led(heading, forward, sight, turn, leader_blend, unled_returns):
-    """Leaders follow the guide; without one they keep their way, or return to where they last saw others."""
-    strength = torch.linalg.vector_norm(sight.guidance, dim=1, keepdim=True)
-    guided = strength > 1e-6
-    lead = (1.0 - leader_blend) * torch.clamp(4.0 * strength, max=1.0)
-    way = sight.guidance / torch.where(guided, strength, torch.ones_like(strength))
-    size = torch.linalg.vector_norm(heading, dim=1, keepdim=True)
-    own = heading / torch.where(size > 0, size, torch.ones_like(size))
-    if unled_returns:
-        far = torch.linalg.vector_norm(sight.memory, dim=1, keepdim=True)
-        back = sight.known[:, None] & (far > 1.0)
-        alone = torch.where(back, heading + turn * 0.3 * sight.memory / torch.clamp(far, min=1.0), heading)
-    else:
-        alone = forward
-    led = torch.where(guided, lead * way + (1.0 - lead) * own, alone)
-    return torch.where(sight.leader[:, None], led, heading)

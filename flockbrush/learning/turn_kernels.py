@@ -106,9 +106,9 @@ class ForceSums(NamedTuple):
     found: np.ndarray  # (8,) room for sums
 
 
-# columns of neighbours, BL: where they begin, how they move, their headings and by how much these turn in a tick; 1 for
-# those of the same kind, and for all; and where they are, their distance and bearing, squared and plain
-X, Y, VX, VY, GX, GY, COSINE, SINE, KIN, ALL, AT_X, AT_Y, FAR2, ASIDE2, ASIDE = range(15)
+# columns of neighbours, BL: where they begin, how they move, their headings and by how much these turn in a tick; 1
+# where there is one; and where they are, their distance and bearing, squared and plain
+X, Y, VX, VY, GX, GY, COSINE, SINE, THERE, AT_X, AT_Y, FAR2, ASIDE2, ASIDE = range(14)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -150,14 +150,14 @@ def turn_kernel(lo, hi, turns, spun, theta, law, turn, slope):
             fy, fx = sincos_(angle)
             if many:
                 _look_again(pointer(near), near.shape[1], many, time, fx, fy, s > 0)
-                _add(sums, forces, 0, near, many, AT_X, ALL, -1.0, sloped)
-                _add(sums, forces, 1, near, many, AT_X, KIN, 1.0, sloped)
-                _add(sums, forces, 2, near, many, GX, KIN, 1.0, sloped)
+                _add(sums, forces, 0, near, many, AT_X, -1.0, sloped)
+                _add(sums, forces, 1, near, many, AT_X, 1.0, sloped)
+                _add(sums, forces, 2, near, many, GX, 1.0, sloped)
             else:
                 sums.x[:3], sums.y[:3] = 0.0, 0.0
             if many_walls:
                 _look_again(pointer(walls), walls.shape[1], many_walls, time, fx, fy, False)
-                _add(sums, forces, 3, walls, many_walls, AT_X, ALL, -1.0, sloped)
+                _add(sums, forces, 3, walls, many_walls, AT_X, -1.0, sloped)
             else:
                 sums.x[3], sums.y[3] = 0.0, 0.0
             hx, hy = _next_heading(sums, forces, gain, law.aside, fx, fy, d, dx, dy, sloped)
@@ -210,8 +210,7 @@ def _gather_neighbours(columns, turns, spun, i, reach):
         columns[VX, n], columns[VY, n] = velocity[j, 0] - velocity[i, 0], velocity[j, 1] - velocity[i, 1]
         columns[GX, n], columns[GY, n] = percept.forward[j, 0], percept.forward[j, 1]
         columns[COSINE, n], columns[SINE, n] = spun[j, 0], spun[j, 1]
-        columns[KIN, n] = 1.0 if percept.species[i] == percept.species[j] else 0.0
-        columns[ALL, n] = 1.0
+        columns[THERE, n] = 1.0
         n += 1
     columns[:ASIDE, n : n + EIGHT] = 0.0  # behind the last stands nobody
     return n
@@ -224,7 +223,7 @@ def _gather_walls(columns, turns, i):
     for at in range(percept.walls_first[i], percept.walls_first[i + 1]):
         columns[X, n], columns[Y, n] = percept.walls_offset[at, 0], percept.walls_offset[at, 1]
         columns[VX, n], columns[VY, n] = -velocity[i, 0], -velocity[i, 1]
-        columns[ALL, n] = 1.0
+        columns[THERE, n] = 1.0
         n += 1
     columns[:ASIDE, n : n + EIGHT] = 0.0
     return n
@@ -252,15 +251,15 @@ def _look_again(column, step, n, time, fx, fy, on):
 
 
 @njit(inline="always")
-def _add(sums, forces, f, columns, n, what, whose, sign, sloped):
-    """The sum of a force: two columns, weighed by its Gaussians (eq. 4), of those whose column is 1."""
+def _add(sums, forces, f, columns, n, what, sign, sloped):
+    """The sum of a force: two columns, weighed by its Gaussians (eq. 4)."""
     r, a = forces.radial[f], forces.angular[f]
     if not sloped:
-        px, py = _weighed(pointer(columns), columns.shape[1], n, what, whose, r, a)
+        px, py = _weighed(pointer(columns), columns.shape[1], n, what, r, a)
         sums.x[f, 0], sums.y[f, 0] = sign * px, sign * py
         return
     found = pointer(sums.found)
-    _weighed_and_sloped(pointer(columns), columns.shape[1], n, what, whose, r, a, found)
+    _weighed_and_sloped(pointer(columns), columns.shape[1], n, what, r, a, found)
     sums.x[f, 0], sums.y[f, 0] = sign * found[0], sign * found[1]
     sums.x[f, 1], sums.y[f, 1] = sign * found[2] * forces.by_radial[f], sign * found[3] * forces.by_radial[f]
     sums.x[f, 2], sums.y[f, 2] = sign * found[4] * forces.by_angular[f], sign * found[5] * forces.by_angular[f]
@@ -268,21 +267,21 @@ def _add(sums, forces, f, columns, n, what, whose, sign, sloped):
 
 
 @lane_function
-def _weighed(column, step, n, what, whose, radial, angular):
+def _weighed(column, step, n, what, radial, angular):
     """Weighed sums of two columns."""
     px = py = splat8(0.0)
     for q in range(0, n, EIGHT):
-        x, y, _, _ = _weighed_lanes(column, step, q, what, whose, radial, angular)
+        x, y, _, _ = _weighed_lanes(column, step, q, what, radial, angular)
         px, py = px + x, py + y
     return total(px), total(py)
 
 
 @lane_function
-def _weighed_and_sloped(column, step, n, what, whose, radial, angular, found):
+def _weighed_and_sloped(column, step, n, what, radial, angular, found):
     """Weighed sums of two columns, plain and by the squared distance, the squared bearing, and the bearing."""
     px = py = rx = ry = ax = ay = hx = hy = splat8(0.0)
     for q in range(0, n, EIGHT):
-        x, y, far2, aside2 = _weighed_lanes(column, step, q, what, whose, radial, angular)
+        x, y, far2, aside2 = _weighed_lanes(column, step, q, what, radial, angular)
         px, py = px + x, py + y
         aside = load8(column, ASIDE * step + q)
         rx, ry, ax, ay = fused(x, far2, rx), fused(y, far2, ry), fused(x, aside2, ax), fused(y, aside2, ay)
@@ -291,10 +290,10 @@ def _weighed_and_sloped(column, step, n, what, whose, radial, angular, found):
 
 
 @lane_function
-def _weighed_lanes(column, step, q, what, whose, radial, angular):
+def _weighed_lanes(column, step, q, what, radial, angular):
     """Two columns weighed by a Gaussian, and what that is of: the squared distance and bearing."""
     far2, aside2 = load8(column, FAR2 * step + q), load8(column, ASIDE2 * step + q)
-    w = load8(column, whose * step + q) * exponential(splat8(0.0) - fused(far2, splat8(radial), aside2 * angular))
+    w = load8(column, THERE * step + q) * exponential(splat8(0.0) - fused(far2, splat8(radial), aside2 * angular))
     return w * load8(column, what * step + q), w * load8(column, (what + 1) * step + q), far2, aside2
 
 

@@ -214,10 +214,8 @@ def predicted(turns: Turns, theta, params=None, sloped=True):
 # the least differences -------------------------------------------------------------------
 
 
-def fit_turns(
-    turns: Turns, theta, params=None, *, free=None, steps=60, tolerance=1e-7, say=None, stop=None
-) -> TurnFit:  # fmt: skip
-    """The parameters near ``theta`` that say the turns best.
+def fit_turns(turns: Turns, theta, params=None, *, free=None, steps=60, tolerance=1e-7) -> TurnFit:
+    """The parameters near ``theta`` that say the turns best; after Ctrl-C the best so far.
 
     Parameters
     ----------
@@ -231,10 +229,6 @@ def fit_turns(
         Upper limit.
     tolerance : float
         Ends when a step betters the likelihood of a turn by less.
-    say : callable, optional
-        ``say(step, loss, theta)`` after each step.
-    stop : callable, optional
-        Ends when it says True; so does Ctrl-C.  The best so far is kept.
     """
     theta = np.clip(np.asarray(theta, float), LEAST, MOST)
     free = np.ones(12, bool) if free is None else np.asarray(free, bool)
@@ -244,10 +238,7 @@ def fit_turns(
     assert now is not None
     losses, damping, interrupted = [now.loss], 1e-3, False
     try:
-        for step in range(steps):
-            if stop is not None and stop():
-                interrupted = True
-                break
+        for _ in range(steps):
             better = None
             while better is None and damping < 1e9:
                 trial = _step(theta, now, free, damping)
@@ -259,10 +250,8 @@ def fit_turns(
             if better is None:
                 break
             gain = now.loss - better[1].loss
-            (theta, now) = better
+            theta, now = better
             losses.append(now.loss)
-            if say is not None:
-                say(step, now.loss, theta)
             if gain < tolerance:
                 break
     except KeyboardInterrupt:

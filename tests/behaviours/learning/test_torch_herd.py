@@ -11,7 +11,7 @@ from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of
 from torch_turns import contacts_of, turned
 
 from flockbrush.learning.perceive import Percept, perceive, together
-from flockbrush.learning.rollout import ClipGuide, Walls, params_of
+from flockbrush.learning.rollout import Walls, params_of
 from flockbrush.learning.torch_herd import forces, headings, sight_of, theta_tensor
 
 DT = 1 / 32
@@ -34,38 +34,30 @@ def by_kernel(percept: Percept, params):
     n = percept.animals
     rows = np.arange(n, dtype=np.int32)
     forward, direction = np.column_stack([percept.forward, np.zeros(n)]), np.zeros((n, 3))
-    herd = frozen(HerdState(forward, np.ones(n), percept.species, percept.leader, percept.memory, percept.known))
+    herd = HerdState(forward, np.ones(n), np.zeros(n, np.int32), percept.leader, percept.memory, percept.known)
     seen = frozen(ByRow(percept.first, percept.near, percept.offset))
-    land = frozen(Land(percept.walls_first, percept.walls_offset, percept.guidance, np.zeros((n, 2))))
-    herd_kernel(0, n, rows, DT, herd, seen, land, forces_of(params), direction)
+    land = frozen(Land(percept.walls_first, percept.walls_offset, np.zeros((n, 2)), np.zeros((n, 2))))
+    herd_kernel(0, n, rows, DT, frozen(herd), seen, land, forces_of(params), direction)
     return direction[:, :2]
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_an_animal_turns_in_torch_as_in_a_run(seed):
     xy, forward = some_herd(seed)
-    species = np.random.default_rng(seed).integers(0, 2, len(xy)) if seed % 2 else None
     view = VisionSpec(range=3.0 + seed % 3, occlusion=seed % 4 < 3)
-    percept = perceive(xy, forward, BodySpec(), view, walls=SQUARE, species=species)
-    bias = 0.5 * (seed - 4)
-    params = params_of(some_theta(seed), {"turn_bias": bias})
-    ours = headings(theta_tensor(some_theta(seed)), sight_of(percept), DT, turn_bias=bias)
-    assert np.abs(ours.cpu().numpy() - by_kernel(percept, params)).max() < 1e-9
+    percept = perceive(xy, forward, BodySpec(), view, walls=SQUARE)
+    ours = headings(theta_tensor(some_theta(seed)), sight_of(percept), DT)
+    assert np.abs(ours.cpu().numpy() - by_kernel(percept, params_of(some_theta(seed)))).max() < 1e-9
 
 
-@pytest.mark.parametrize(("blend", "unled"), [(0.0, "return"), (0.4, "return"), (0.0, "keep")])
-def test_leaders_are_led_in_torch_as_in_a_run(blend, unled):
-    xy, forward = some_herd(3, n=30, side=22.0)  # thin: most of them lead
-    field = np.zeros((1, 2, 2, 2))
-    field[0, 0, 0], field[0, 1, 1] = (0.0, 1.0), (0.1, 0.0)
-    guide = ClipGuide(np.zeros(2), 10.0, 25.0, field)
-    percept = perceive(xy, forward, guide=guide)
+def test_leaders_return_in_torch_as_in_a_run():
+    percept = perceive(*some_herd(3, n=30, side=22.0))  # thin: most of them lead
+    chance = np.random.default_rng(3)
+    known, memory = chance.integers(0, 2, 30).astype(np.uint8), chance.uniform(-3, 3, (30, 2))
+    percept = percept._replace(known=known, memory=memory)
     assert 5 < percept.leader.sum() <= 30
-    params = params_of(some_theta(3), {"leader_blend": blend, "unled": unled})
-    ours = headings(
-        theta_tensor(some_theta(3)), sight_of(percept), DT, leader_blend=blend, unled_returns=unled == "return"
-    )
-    assert np.abs(ours.cpu().numpy() - by_kernel(percept, params)).max() < 1e-9
+    ours = headings(theta_tensor(some_theta(3)), sight_of(percept), DT)
+    assert np.abs(ours.cpu().numpy() - by_kernel(percept, params_of(some_theta(3)))).max() < 1e-9
 
 
 def test_gradients_are_finite_differences():

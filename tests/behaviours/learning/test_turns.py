@@ -9,6 +9,7 @@ from flockbrush.behaviours.models.herd import Params
 
 from benchmarks.foreign_herds import herd
 from benchmarks.herd_film import evidence_of_truth
+from flockbrush.learning import turns as learning_turns
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.perceive import perceive
 from flockbrush.learning.rollout import LEAST, Walls, theta_of
@@ -35,10 +36,7 @@ def some_turns(seed, ticks, n=40, side=7.0, walls=None, radius=0.0):
     rng = np.random.default_rng(seed)
     angle = rng.uniform(-np.pi, np.pi, n)
     forward = np.column_stack([np.cos(angle), np.sin(angle)])
-    species = rng.integers(0, 2, n)
-    percept = perceive(
-        rng.uniform(0, side, (n, 2)), forward, params=Params(leader_neighbours=-1), walls=walls, species=species
-    )
+    percept = perceive(rng.uniform(0, side, (n, 2)), forward, params=Params(leader_neighbours=-1), walls=walls)
     velocity, spin = rng.normal(0, 1, (n, 2)), rng.normal(0, 1, n)
     rows = np.arange(n)
     return Turns(percept, velocity, spin, rows, np.full(n, ticks), np.zeros(n), np.ones(n), 0.3, radius)
@@ -153,16 +151,19 @@ def test_an_ablated_number_stays():
     assert np.isfinite(fit.loss).all()
 
 
-def test_the_best_so_far_is_kept_when_it_is_stopped():
-    turns, before = march(), np.full(12, 0.5)
-    first = fit_turns(turns, before, stop=lambda: True)
-    assert first.interrupted and (first.theta == before).all()
+def test_the_best_so_far_is_kept_when_it_is_stopped(monkeypatch):
+    turns, before, steps = march(), np.full(12, 0.5), []
+    first = fit_turns(turns, before, steps=0)
 
-    def ctrl_c(step, loss, theta):
-        if step == 1:
+    def ctrl_c(*now):
+        steps.append(now)
+        if len(steps) > 4:
             raise KeyboardInterrupt
+        return step(*now)
 
-    second = fit_turns(turns, before, say=ctrl_c)
+    step = learning_turns._step
+    monkeypatch.setattr(learning_turns, "_step", ctrl_c)
+    second = fit_turns(turns, before)
     assert second.interrupted and second.loss[-1] < first.loss[-1]
 
 
