@@ -16,7 +16,6 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from flockbrush.engine.files import refused
-from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.film.bird_sizes import Patch, of_one_size, patches_of
 from flockbrush.film.media import FilmReader, read_picture
 from flockbrush.film.tracks import Tracks
@@ -176,9 +175,9 @@ def read_pictures(paths, every=1):
     for path in map(Path, paths):
         if names.count(path.name) > 1:
             message = "another file has the same name, by which the table knows its frames; rename one"
-            raise ProblemsError([Problem(str(path), None, None, message)])
+            raise refused(path, message)
         if not path.is_file():
-            raise ProblemsError([Problem(str(path), None, None, "there is no such file")])
+            raise refused(path, "there is no such file")
         if path.suffix.lower() in VIDEOS:
             yield from _frames(path, every)
             continue
@@ -339,25 +338,23 @@ def mark(paths, every=1):
     frames = [(name, patches) for name, patches, _ in looked]
     doubts = [f"{name}: {line}" for name, _, lines in looked for line in lines]
     if not any(patches for _, patches in frames):
-        raise ProblemsError([Problem(str(next(iter(paths))), None, None, "no birds were detected on a plain sky")])
+        raise refused(next(iter(paths)), "no birds were detected on a plain sky")
     span = float(np.median([patch.span for _, patches in frames for patch in patches]))
     tracker = PictureTracker(span)
     tracks: dict[int, list[tuple[str, Patch]]] = {}
     for frame, patches in frames:
         tracker.take(patches)
         places = {(patch.x, patch.y): patch for patch in patches}
-        for bird, bird_mark in tracker.marks[-1].items():
-            tracks.setdefault(bird, []).append((frame, places[bird_mark.x, bird_mark.y]))
-    whole = {bird: bird_mark for bird, bird_mark in tracks.items() if len(bird_mark) == len(frames)}
+        for bird, at in tracker.marks[-1].items():
+            tracks.setdefault(bird, []).append((frame, places[at.x, at.y]))
+    whole = {bird: sights for bird, sights in tracks.items() if len(sights) == len(frames)}
     lost = [
-        f"bird {bird} is in {len(bird_mark)} of {len(frames)} frames, from {bird_mark[0][0]}, and was left out"
-        for bird, bird_mark in tracks.items()
+        f"bird {bird} is in {len(sights)} of {len(frames)} frames, from {sights[0][0]}, and was left out"
+        for bird, sights in tracks.items()
         if bird not in whole
     ]
     if not whole:
-        raise ProblemsError(
-            [Problem(str(next(iter(paths))), None, None, "no bird could be tracked through all frames")]
-        )
-    rows = [(frame, bird, patch) for bird, bird_mark in whole.items() for frame, patch in bird_mark]
+        raise refused(next(iter(paths)), "no bird could be tracked through all frames")
+    rows = [(frame, bird, patch) for bird, sights in whole.items() for frame, patch in sights]
     place = {frame: k for k, (frame, _) in enumerate(frames)}
     return sorted(rows, key=lambda row: (place[row[0]], row[1])), span, lost + doubts

@@ -13,6 +13,7 @@ from scipy.linalg import solveh_banded
 
 from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
+from flockbrush.engine.files import refused
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 
@@ -74,16 +75,8 @@ def _rows(path, further, read):
     missing = [column for column in COLUMNS if column not in header]
     if missing:
         hint = did_you_mean(missing[0], header)
-        raise ProblemsError(
-            [
-                Problem(
-                    name,
-                    1,
-                    missing[0],
-                    f"there is no such column{hint}; a file of tracks must have the columns {', '.join(COLUMNS)}",
-                )
-            ]
-        )
+        message = f"there is no such column{hint}; a file of tracks must have the columns {', '.join(COLUMNS)}"
+        raise ProblemsError([Problem(name, 1, missing[0], message)])
     at = header.index(further) if further in header else None
     return _parsed(name, rows, [header.index(column) for column in COLUMNS], at, read)
 
@@ -123,7 +116,7 @@ def _parsed(name, rows, where, further, read):
     if problems:
         raise ProblemsError(problems)
     if not frames:
-        raise ProblemsError([Problem(name, None, None, "has no birds")])
+        raise refused(name, "has no birds")
     return np.array(frames), np.array(ids), np.array(px).reshape(-1, 2), np.array(lines), more
 
 
@@ -182,16 +175,16 @@ def _without_points(name, tracks, least):
     short = sights < least
     if short.all():
         most = int(sights.max())
-        message = f"no bird was seen in more than {most} frame{'s' if most > 1 else ''}; a flight needs three"
-        raise ProblemsError([Problem(name, None, None, message)])
+        raise refused(
+            name, f"no bird was seen in more than {most} frame{'s' if most > 1 else ''}; a flight needs three"
+        )
     if short.any():
         who = ", ".join(map(str, tracks.ids[short][:10])) + (", ..." if short.sum() > 10 else "")
         tracks.notes.append(f"left out, visible in fewer than three frames: bird{'s' if short.sum() > 1 else ''} {who}")
-        px = tracks.px[:, ~short]
-        rows = np.flatnonzero(np.isfinite(px).all(-1).any(1))
+        rows = np.flatnonzero(tracks.seen[:, ~short].any(1))
         span = slice(rows[0], rows[-1] + 1)
         first = tracks.first + int(rows[0])
-        return Tracks(px[span], tracks.ids[~short], first, tracks.notes, tracks.times[span])
+        return Tracks(tracks.px[span, ~short], tracks.ids[~short], first, tracks.notes, tracks.times[span])
     return tracks
 
 
