@@ -142,14 +142,17 @@ class Birds:
         return replace(after, pending=self.pending)  # the others need not be tracked again
 
     def _after(self, px, ids, k, rows) -> Birds:
-        """The birds with the corrections of a frame; birds without any position are left out."""
+        """The birds with the corrections of a frame."""
         corrections = dict(self.corrections)
         if rows:
             corrections[k] = dict(sorted((corrections.get(k, {}) | rows).items()))
+        return Birds._seen(px, ids, corrections, k if self.pending is None else min(k, self.pending))
+
+    @classmethod
+    def _seen(cls, px, ids, corrections, pending) -> Birds:
+        """Birds, those without any position left out."""
         present = np.isfinite(px[..., 0]).any(0)
-        kept_ids = tuple(bird for bird, stays in zip(ids, present, strict=True) if stays)
-        pending = k if self.pending is None else min(k, self.pending)
-        return Birds(px[:, present], kept_ids, corrections, pending)
+        return cls(px[:, present], tuple(np.array(ids, int)[present].tolist()), corrections, pending)
 
     # following on -----------------------------------------------------------------------------
 
@@ -187,18 +190,13 @@ class Birds:
         for old, span in ((self, slice(0, k)), (fresh, slice(k, until)), (self, slice(until, frames))):
             for n, bird in enumerate(old.ids):
                 px[span, ids.index(bird)] = old.px[span, n]
-        for (
-            f,
-            rows,
-        ) in self.corrections.items():  # a bird that the tracker lost keeps its corrected position
-            for bird, (x, y, removed) in rows.items() if k <= f < frames else ():
+        for f, rows in self.corrections.items():
+            for bird, (x, y, removed) in rows.items() if k <= f < frames else ():  # who was lost keeps its correction
                 place = px[f, ids.index(bird)]
                 if not removed and np.isnan(place[0]):
                     place[:] = x, y
-        present = np.isfinite(px[..., 0]).any(0)
         pending = None if self.pending is None or self.pending >= k else self.pending
-        kept_ids = tuple(bird for bird, stays in zip(ids, present, strict=True) if stays)
-        return Birds(px[:, present], kept_ids, self.corrections, pending)
+        return Birds._seen(px, ids, self.corrections, pending)
 
     # files ------------------------------------------------------------------------------------
 
