@@ -64,7 +64,7 @@ def csv_table(path) -> TrackTable:
     if "x1" in lower and "y1" in lower:
         return _idtracker(path, lower, rows)
     if _trex_columns(header):
-        return _trex_table(path, header, rows)
+        return _of_one(path, *_of_csv(path, header, rows))
     where = {kind: next((lower.index(n) for n in names if n in lower), None) for kind, names in NAMES.items()}
     degrees = "location-long" in lower and "location-lat" in lower and where["x"] is None
     if degrees:
@@ -337,13 +337,12 @@ def _deeplabcut(path, header, rows) -> TrackTable:
         raise refused(path, "has no column x in its row coords")
     middles = []
     for name in ids:
-        places = np.array([values[:, at : at + 2] for at in parts[name]])
-        has_likelihood = [coords[at + 2 : at + 3] == ["likelihood"] for at in parts[name]]
+        places = [values[:, at : at + 2] for at in parts[name]]
         sure = [
-            values[:, at + 2] if has else np.ones(len(values))
-            for at, has in zip(parts[name], has_likelihood, strict=True)
+            values[:, at + 2] if coords[at + 2 : at + 3] == ["likelihood"] else np.ones(len(values))
+            for at in parts[name]
         ]
-        middles.append(part_middle(places, np.array(sure)))
+        middles.append(part_middle(np.array(places), np.array(sure)))
     return TrackTable(np.stack(middles, 1), ids, frames, None, "px")
 
 
@@ -377,17 +376,13 @@ def _trex_columns(header):
     return None
 
 
-def _trex_table(path, header, rows) -> TrackTable:
-    """One animal as TRex writes it in a CSV."""
-    return _of_one(path, *_of_csv(path, header, rows))
-
-
 def trex_file(path) -> TrackTable:
     """Track of one animal from an npz of TRex. ProblemsError."""
     return _of_one(path, *_of_npz(path))
 
 
 def _of_one(path, frames, xy, fps, unit):
+    """The table of one animal."""
     good = np.isfinite(xy).all(1)
     if not good.any():
         raise refused(path, "no row has a position")
@@ -398,10 +393,8 @@ def _of_one(path, frames, xy, fps, unit):
 def _of_csv(path, header, rows):
     """(frames, positions, frame rate, unit) of the rows of a CSV of TRex."""
     x, y, unit = _trex_columns(header)
-    column_names = [name for name in (x, y, "frame", "time") if name in header]
-    columns = dict(
-        zip(column_names, number_grid(path, rows, [header.index(name) for name in column_names]).T, strict=True)
-    )
+    names = [name for name in (x, y, "frame", "time") if name in header]
+    columns = dict(zip(names, number_grid(path, rows, [header.index(name) for name in names]).T, strict=True))
     frames = whole_frames(path, columns.get("frame", np.arange(len(columns[x]))))
     return frames, np.column_stack([columns[x], columns[y]]), rate_of(frames, columns.get("time")), unit
 

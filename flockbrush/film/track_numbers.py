@@ -70,18 +70,11 @@ def moment_of(path, line, row, at, problems):
         value = float(cell)
     except ValueError:
         try:
-            value = datetime.fromisoformat(cell).timestamp() if not _naive(cell) else _utc(cell)
+            moment = datetime.fromisoformat(cell)
+            value = moment.timestamp() if moment.tzinfo else (moment - datetime(2000, 1, 1)).total_seconds()
         except ValueError:
             value = np.nan
     if not abs(value) < 1e12:
         problems.append(Problem(str(path), line, "time", f"must be seconds or a date and time, got {cell[:40]!r}"))
         return np.nan
     return value
-
-
-def _naive(cell):
-    return datetime.fromisoformat(cell).tzinfo is None
-
-
-def _utc(cell):
-    return (datetime.fromisoformat(cell) - datetime(2000, 1, 1)).total_seconds()
