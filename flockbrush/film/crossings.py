@@ -17,6 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 WINDOW = 15  # frames of a stretch from which place and velocity are estimated
 APART = 3  # frames alone; fewer do not separate two runs
@@ -179,25 +181,21 @@ def renamed(seen: Crossed) -> np.ndarray:
 def _crossings(seen, alone, there):
     """Lists of runs of birds that share blobs, in order of time."""
     runs = [run for track in range(alone.shape[1]) for run in _runs(track, alone[:, track], there[:, track])]
-    shared: dict[tuple[int, int], int] = {}
-    group = list(range(len(runs)))
-
-    def root(k):
-        while group[k] != k:
-            k = group[k]
-        return k
-
+    shared: dict[tuple[int, int], int] = {}  # by frame and blob the first run in it
+    meet = [np.zeros((0, 2), int)]
     for k, run in enumerate(runs):
         for f in range(run.first, run.last + 1):
             blob = int(seen.blob[f, run.track])
             if blob >= 0:
-                group[root(k)] = root(shared.setdefault((f, blob), k))
-    by_frame: dict[int, dict[int, list[_Run]]] = {}
-    for k, run in enumerate(runs):
-        by_frame.setdefault(root(k), {}).setdefault(run.track, []).append(run)
+                meet.append([[k, shared.setdefault((f, blob), k)]])
+    parts: dict[int, dict[int, list[_Run]]] = {}
+    one, other = np.concatenate(meet).T
+    graph = coo_matrix((np.ones(len(one)), (one, other)), shape=(len(runs), len(runs)))
+    for run, group in zip(runs, connected_components(graph, directed=False)[1].tolist(), strict=True):
+        parts.setdefault(group, {}).setdefault(run.track, []).append(run)
     several = [
         [_Run(track, mine[0].first, mine[-1].last) for track, mine in part.items()]
-        for part in by_frame.values()
+        for part in parts.values()
         if len(part) > 1
     ]
     return sorted(several, key=lambda part: min(run.first for run in part))

@@ -6,6 +6,7 @@ import math
 import tokenize
 import zipfile
 import zlib
+from contextlib import contextmanager
 from dataclasses import fields
 
 import numpy as np
@@ -71,20 +72,14 @@ def _arrays(path, file):
         return {name: archive[name] for name in archive.files}
 
 
-class damage:
+@contextmanager
+def damage(path):
     """Whatever goes wrong while a file is taken apart is told of the file."""
-
-    def __init__(self, path):
-        self.path = path
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, kind, error, trace):
-        if kind is None or not issubclass(kind, _TROUBLE):
-            return False
-        reason = str(error).replace("allow_pickle=False", "it").strip("'\"") or kind.__name__
-        raise refused(self.path, f"{_UNKNOWN}, or it is damaged: {reason}") from None
+    try:
+        yield
+    except _TROUBLE as error:
+        reason = str(error).replace("allow_pickle=False", "it").strip("'\"") or type(error).__name__
+        raise refused(path, f"{_UNKNOWN}, or it is damaged: {reason}") from None
 
 
 _TROUBLE = (

@@ -495,6 +495,3 @@ def _mask_of(path, clip):
         f"is {w} x {h} pixels, but the clip is {clip.full[0]} x {clip.full[1]}; paint the mask over a frame of "
         "the clip",
     )
-
-
-__all__ = ["Glance", "Watch", "observe"]

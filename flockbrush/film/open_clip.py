@@ -224,17 +224,3 @@ def facts_of(clip) -> dict[str, object]:
     if not film.still:
         facts["frames"] = f"{film.numbers[0]} to {film.numbers[-1]} at {film.fps:g} per second"
     return facts | {"pictures": {"first frame": next(picture for _, picture in film.read([0]))}}
-
-
-__all__ = [
-    "CannotObserve",
-    "Looking",
-    "facts_of",
-    "look_at",
-    "looked_apart",
-    "moving_pictures",
-    "pictures_of",
-    "read_tracks_of",
-    "tell_notes",
-    "training_begun",
-]
