@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 
+from flockbrush.film.camera_maps import after, back, moved_by
 from flockbrush.film.observations import Evidence
 from flockbrush.film.open_clip import pictures_of
 from flockbrush.learning.rollout import Run
@@ -51,7 +52,7 @@ class ComparisonGround:
         wide, tall = self.high - self.low
         self.scale = min(TALL / tall, WIDEST / wide)  # pixels of the stage in a body length
         self.size = (int(2 * round(wide * self.scale / 2)), int(2 * round(tall * self.scale / 2)))
-        self._from_picture = _after(self._from_bl, _inverse(to_pixels))
+        self._from_picture = after(self._from_bl, back(to_pixels))
         self._elsewhere = self._outside()
         self.painter = self._painter(wide, tall)
 
@@ -77,7 +78,7 @@ class ComparisonGround:
     def film(self, frame, t) -> np.ndarray:
         """A frame of the clip as it is read (BGR), the t-th of the evidence, laid on the stage; RGB."""
         camera = np.eye(2, 3) if self.evidence.camera is None else self.evidence.camera[t]
-        way = _after(self._from_picture, _after(camera, self._upright))
+        way = after(self._from_picture, after(camera, self._upright))
         paper = tuple(float(part) for part in LIGHT.paper[::-1])
         flat = cv2.warpAffine(frame, way, self.size, flags=cv2.INTER_AREA, borderValue=paper)
         if self._elsewhere is not None:
@@ -93,23 +94,16 @@ class ComparisonGround:
         cell, (x, y) = fields.cell, fields.origin
         middle = np.array([[cell, 0, x + cell / 2], [0, cell, y + cell / 2]])  # of cells, BL
         here = (fields.region == kinds[0]).astype(np.uint8)
-        return cv2.warpAffine(here, _after(self._from_bl, middle), self.size, flags=cv2.INTER_NEAREST) == 0
+        return cv2.warpAffine(here, after(self._from_bl, middle), self.size, flags=cv2.INTER_NEAREST) == 0
 
-    def herd(self, xy, forward, time, ids=None, leader=None) -> np.ndarray:
+    def herd(self, xy, forward, time, ids=None) -> np.ndarray:
         """Simulated animals (n, 2) BL; RGB."""
         radius = self.brush.body.radius / self.brush.body.length
         n = len(xy)
         animals = DrawnHerd(
-            np.asarray(xy, float) - self.low,
-            forward,
-            1.0,
-            radius,
-            brush=np.zeros(n, int),
-            brush_colours=(self.brush.colour,),
-            brush_names=(self.brush.name,),
-            ids=ids,
-            leader=leader,
-        )
+            np.asarray(xy, float) - self.low, forward, 1.0, radius, brush=np.zeros(n, int),
+            brush_colours=(self.brush.colour,), brush_names=(self.brush.name,), ids=ids,
+        )  # fmt: skip
         return self.painter.frame(animals, time=time, legend=False, under=self._obstacles)
 
     def _obstacles(self, image):
@@ -117,14 +111,14 @@ class ComparisonGround:
         if fields.outline is None:
             half = 0.5 * fields.cell * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
             for centre in fields.centres[fields.obstacle]:
-                canvas.area((centre + half) @ self._from_bl[:, :2].T + self._from_bl[:, 2], LIGHT.rock)
+                canvas.area(moved_by(self._from_bl, centre + half), LIGHT.rock)
             return
         for number in np.unique(fields.outline[:, 4]):
             starts, ends = fields.outline[fields.outline[:, 4] == number, :4].reshape(-1, 2, 2).transpose(1, 0, 2)
             first = np.flatnonzero(np.r_[True, (starts[1:] != ends[:-1]).any(1)])
             rings = [np.vstack([ring, ring[:1]]) for ring in np.split(starts, first[1:])]
             line = np.vstack([*rings, *(ring[:1] for ring in rings[-2::-1])])  # holes are reached by a way and back
-            canvas.area(line @ self._from_bl[:, :2].T + self._from_bl[:, 2], LIGHT.rock)
+            canvas.area(moved_by(self._from_bl, line), LIGHT.rock)
 
     def beside(self, frame, t, xy, forward, time, words, ids=None) -> np.ndarray:
         """Clip left, simulation right, and what is written above each; RGB."""
@@ -177,9 +171,8 @@ def _shown(evidence, to_pixels):
     tall, wide = evidence.picture.shape[:2]
     corners = np.array([(0, 0), (wide, 0), (wide, tall), (0, tall)], float)
     cameras = [np.eye(2, 3)] if evidence.camera is None else evidence.camera
-    on_picture = np.concatenate([corners @ camera[:, :2].T + camera[:, 2] for camera in cameras])
-    back = _inverse(to_pixels)
-    ground = on_picture @ back[:, :2].T + back[:, 2]
+    on_picture = np.concatenate([moved_by(camera, corners) for camera in cameras])
+    ground = moved_by(back(to_pixels), on_picture)
     return ground.min(0), ground.max(0)
 
 
@@ -213,13 +206,3 @@ def moments_beside(clip, frames: Evidence, run: Run, brush, count) -> list[np.nd
         else:
             stage.herd(run.xy[rows], run.forward[rows], seconds, run.ids[rows])
     return made
-
-
-def _after(second, first):
-    """One affine map (2, 3) after another."""
-    return np.hstack([second[:, :2] @ first[:, :2], (second[:, :2] @ first[:, 2] + second[:, 2])[:, None]])
-
-
-def _inverse(way):
-    back = np.linalg.inv(way[:, :2])
-    return np.hstack([back, -(back @ way[:, 2])[:, None]])
