@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from flockbrush.behaviours.behaviour import Behaviour, behaviours
-from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
+from flockbrush.behaviours.brush import VisionSpec
 from flockbrush.behaviours.models.herd import Params
 from flockbrush.behaviours.wander import lasting
 from flockbrush.engine.files import refused
@@ -34,7 +34,7 @@ from flockbrush.learning.model_search import (
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.normal_equations import normal_equations
 from flockbrush.learning.rollout import LEAST, MOST, NAMES, theta_of
-from flockbrush.learning.simulate import simulated
+from flockbrush.learning.simulate import HerdParts, simulated
 from flockbrush.learning.trials import answer_step, chance_found
 from flockbrush.learning.turns import FREEDOM, cramer_rao, thinned
 from flockbrush.learning.which_model import ModelRow, TurnBlocks, likeliest
@@ -48,15 +48,6 @@ SEES = VisionSpec(range=8.0)
 RUNS = 2
 CORRECTIONS = 4  # of answers, of which the best is taken
 PACES = 1000  # turns by which the paces are known that a model asks for
-
-
-class HerdParts(NamedTuple):
-    """What `simulated` needs of a brush."""
-
-    params: Any
-    speed: SpeedSpec
-    body: BodySpec
-    vision: VisionSpec
 
 
 def kinds_of_models() -> list[str]:

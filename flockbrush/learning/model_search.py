@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ from flockbrush.learning.learned_parameters import Attempt
 from flockbrush.learning.likelihood import read
 from flockbrush.learning.next_step import NextSteps
 from flockbrush.learning.search_space import EXTRAS, STEP_OF_EXTRAS
+from flockbrush.learning.simulate import HerdParts
 from flockbrush.learning.trials import OTHER_NUMBERS, SearchSettings, Setting, attempt, forget, keep, stayed
 from flockbrush.learning.workers import Workers
 from flockbrush.learning.world_rollout import model_of
@@ -66,7 +66,7 @@ class ModelSetting(Setting):
     def brush(self, theta, extras):
         """A brush with the numbers at these positions, and other parameters."""
         params = self.params(theta).model_copy(update=extras)
-        return SimpleNamespace(params=params, speed=self.speed_of(params), body=self.body, vision=self.view)
+        return HerdParts(params, self.speed_of(params), self.body, self.view)
 
     def speed_of(self, params) -> SpeedSpec:
         """The animals' own speed, of which these parameters make the observed one."""

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
+from flockbrush.behaviours.brush import BodySpec, SpeedSpec, VisionSpec
 from flockbrush.film.observations import Evidence
 from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.rollout import HerdStart, Run, Surroundings, rollout
+
+
+class HerdParts(NamedTuple):
+    """What simulations need of a brush."""
+
+    params: Any
+    speed: SpeedSpec
+    body: BodySpec
+    vision: VisionSpec
 
 
 def simulated(evidence: Evidence, brush, seed=0, unsure=False) -> Run:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +24,8 @@ from flockbrush.learning.learned_parameters import forces_of
 from flockbrush.learning.response import SPAN, correction, response, scatters, turns_seen
 from flockbrush.learning.rollout import LEAST, MOST, Surroundings, params_of, rollout
 from flockbrush.learning.scores import LOOKS, ClipTarget, distance, order_off, total
+from flockbrush.learning.simulate import HerdParts
+from flockbrush.learning.turns import all_turns, fit_turns, theta_seen, thinned, turns_of
 
 USE = frozenset({"occlusion", "angular", "density", "variance"})  # what section 7.2 of the paper takes away, one by one
 WHERE_DENSITY_COUNTS = (
@@ -133,8 +134,7 @@ class Setting:
 
     def brush(self, theta, extras):
         """A brush with these numbers."""
-        params, vision = params_of(theta, extras), self.vision(extras)
-        return SimpleNamespace(params=params, speed=self.speed, body=self.body, vision=vision)
+        return HerdParts(params_of(theta, extras), self.speed, self.body, self.vision(extras))
 
     @property
     def ignore(self) -> tuple[str, ...]:
@@ -166,8 +166,6 @@ def _free(given):
 
 def _descend_on_turns(given, theta, extras, rows, span):
     """As `descend`; None if no turns are known, as in a region so narrow that all animals may see beyond it."""
-    from flockbrush.learning.turns import fit_turns, theta_seen, thinned
-
     turns, params, free = _turns(given, extras, span), params_of(theta, extras), _free(given)
     if turns is None or not len(turns.ticks):
         return None
@@ -244,8 +242,6 @@ def _beginning(clip):
 
 def stiffness(given: Setting, theta, extras) -> np.ndarray | None:
     """(12, 12) Fisher information of the numbers in one turn; None without turns."""
-    from flockbrush.learning.turns import fit_turns, thinned
-
     turns = _turns(given, extras, SPAN) if all(followed(clip) for clip in given.seen) else None
     if turns is None or not len(turns.rows):
         return None
@@ -260,8 +256,6 @@ def certainty(given: Setting, theta, extras, others=()) -> tuple[np.ndarray, np.
     scatter of ``others``, (theta, extras), by which turns are about as likely or likelier, and of what smoothing hides
     of turns.
     """
-    from flockbrush.learning.turns import fit_turns, thinned
-
     if not all(followed(clip) for clip in given.seen):
         return None
     turns = _turns(given, extras, LONG_SPAN)
@@ -296,15 +290,15 @@ def interaction(given: Setting, theta, extras):
 
 def _turns(given, extras, span):
     """The turns of all clips, as animals with this sight and this rule of leaders would make them."""
-    from flockbrush.learning.turns import all_turns, turns_of
-
     params = params_of(np.ones(12), extras)
-    key = id(given), span, params.neighbour_range, params.leader_neighbours, params.leader_cone
-    if key not in _known:
+
+    def seen():
         parts = [turns_of(clip, given.body, given.vision(extras), params, span=span) for clip in given.seen]
         parts = [part for part in parts if part is not None]
-        _known[key] = given, (all_turns(parts) if parts else None)
-    return _known[key][1]
+        return all_turns(parts) if parts else None
+
+    rules = (getattr(params, name) for name in RULES)
+    return _kept(("all turns", span, *rules), given, seen)
 
 
 def _descend_on_fields(given, theta, extras, seed):
@@ -379,15 +373,14 @@ def _tried(given, k, theta, extras, seed, held, lasting, begin):
 def _from(clip, begin=0):
     """What is left of a clip from one of `BEGINS` on, and what it is like, in deviations of the whole clip."""
     begin = begin % len(BEGINS) if len(clip.fields) >= FEWEST else 0
-    key = "from", begin, id(clip)
-    if key not in _known:
-        if begin:
-            part = clip.part(slice(round(BEGINS[begin] * len(clip.fields)), None))
-            target = dataclasses.replace(ClipTarget.of(part), scale=_from(clip)[1].scale)
-        else:
-            part, target = clip, ClipTarget.of(clip)
-        _known[key] = clip, (part, target)
-    return _known[key][1]
+
+    def left():
+        if not begin:
+            return clip, ClipTarget.of(clip)
+        part = clip.part(slice(round(BEGINS[begin] * len(clip.fields)), None))
+        return part, dataclasses.replace(ClipTarget.of(part), scale=_from(clip)[1].scale)
+
+    return _kept(("from", begin), clip, left)
 
 
 def _compared(given, clip, target, theta, extras, seed, frame, seconds):
@@ -482,11 +475,11 @@ def _around(clip):
     return _kept(("around",), clip, lambda: Surroundings.of(clip.fields))
 
 
-def _kept(what, clip, made):
-    """Something of a clip that is made once in a learning."""
-    key = *what, id(clip)
+def _kept(what, of, made):
+    """Something of a clip, or of all clips, that is made once in a learning."""
+    key = *what, id(of)
     if key not in _known:
-        _known[key] = clip, made()
+        _known[key] = of, made()
     return _known[key][1]
 
 

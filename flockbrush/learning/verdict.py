@@ -23,7 +23,7 @@ from flockbrush.learning.initial_conditions import start_of
 from flockbrush.learning.likelihood import likelihood_of, read
 from flockbrush.learning.response import response
 from flockbrush.learning.rollout import NAMES, Run, Surroundings, Walls, rollout
-from flockbrush.learning.simulate import shaken, simulated
+from flockbrush.learning.simulate import HerdParts, shaken, simulated
 from flockbrush.learning.words_of_tracks import of_tracks
 
 RUNS, RIVAL_RUNS, LONG_RUNS = 6, 2, 4
@@ -112,31 +112,17 @@ def alone(clip: Evidence, brush, seed=0) -> Run:
 
 def random_numbers(brush, seed=1):
     """The brush with parameters drawn at random."""
-    if type(brush.params) is not Params:
-        return _with(brush, params=_anywhere(brush.params, seed))
-    theta = np.random.default_rng(seed).uniform(0.05, 1.0, 12)
-    return _with(brush, params=brush.params.model_copy(update=dict(zip(NAMES, theta.tolist(), strict=True))))
+    return HerdParts(_anywhere(brush.params, seed), brush.speed, brush.body, brush.vision)
 
 
 def _anywhere(params, seed):
-    """Parameters of another model, its numbers drawn at random where they are looked for."""
+    """Parameters whose numbers are drawn at random, of another model than the herd's where they are looked for."""
+    chance = np.random.default_rng(seed)
+    if type(params) is Params:
+        return params.model_copy(update=dict(zip(NAMES, chance.uniform(0.05, 1.0, 12).tolist(), strict=True)))
     kind = likelihood_of(params)
     numbers = kind.numbers if kind else {}
-    return params.model_copy(update=read(numbers, np.random.default_rng(seed).uniform(0.0, 1.0, len(numbers))))
-
-
-def _with(brush, **changes):
-    return _Herd(*(changes.get(name, getattr(brush, name)) for name in ("params", "speed", "body", "vision")))
-
-
-@dataclass
-class _Herd:
-    """What `simulated` needs of a brush."""
-
-    params: object
-    speed: object
-    body: object
-    vision: object
+    return params.model_copy(update=read(numbers, chance.uniform(0.0, 1.0, len(numbers))))
 
 
 # judging --------------------------------------------------------------------------------------------
