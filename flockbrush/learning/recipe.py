@@ -264,12 +264,9 @@ class _Search:
                 self._add(new, True)
 
     def _add_found(self, attempt, found):
-        return self._add(
-            dataclasses.replace(
-                attempt, theta=np.array(found["theta"]), extras=found["extras"], loss=np.array(found["loss"])
-            ),
-            found["by_turns"],
-        )
+        theta, loss = np.array(found["theta"]), np.array(found["loss"])
+        new = dataclasses.replace(attempt, theta=theta, extras=found["extras"], loss=loss)
+        return self._add(new, found["by_turns"])
 
     def _add(self, new, by_turns=False):
         self.attempts.append(new)
@@ -296,13 +293,13 @@ class _Search:
             self.attempts[k].score, self.attempts[k].figures = result["score"], result["figures"]
         return np.array([self.attempts[k].score for k in which])
 
+    def _numbers(self, k):
+        """What a task is given of an attempt."""
+        return {"theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras}
+
     def _trial(self, k, seed, held, lasting, begin=0):
         """The task of one `trial`."""
-        a = self.attempts[k]
-        return {
-            "theta": np.round(a.theta, 12).tolist(), "extras": a.extras, "seed": seed, "held": held,
-            "lasting": lasting, "begin": begin,
-        }  # fmt: skip
+        return self._numbers(k) | {"seed": seed, "held": held, "lasting": lasting, "begin": begin}
 
     def _best_score(self):
         scores = [a.score for a in self.attempts if np.isfinite(a.score)]
@@ -328,11 +325,8 @@ class _Search:
         """Attempts without those that are as good as equal to an earlier one."""
         kept = []
         for k, a in enumerate(self.attempts):
-            twin = any(
-                np.abs(a.theta[:9] - b.theta[:9]).max() < 0.02 and a.extras == b.extras
-                for b in (self.attempts[j] for j in kept)
-            )
-            if not twin:
+            before = [self.attempts[j] for j in kept if self.attempts[j].extras == a.extras]
+            if not any(np.abs(a.theta[:9] - b.theta[:9]).max() < 0.02 for b in before):
                 kept.append(k)
         return kept
 
@@ -379,20 +373,15 @@ class _Search:
         """Those that answer to their neighbours, where the clip shows that its animals do."""
         fits = self.fitted
         asked = list(dict.fromkeys([*fits, *which])) if fits else []
-        tasks = [
-            {"theta": np.round(self.attempts[k].theta, 12).tolist(), "extras": self.attempts[k].extras} for k in asked
-        ]
-        found = dict(zip(asked, workers.map(interaction, tasks), strict=True))
+        found = dict(zip(asked, workers.map(interaction, list(map(self._numbers, asked))), strict=True))
         idle = idle_ones([found[k] for k in fits], [found.get(k, {}) for k in which])
         self.idle += [self.attempts[k].name for k, alone in zip(which, idle, strict=True) if alone]
         return [k for k, alone in zip(which, idle, strict=True) if not alone]
 
     def _keepers(self, workers, final):
         """Re-run these candidates for longer, and return them in order of merit with the results."""
-        tasks = [
-            {"theta": np.round(a.theta, 12).tolist(), "extras": a.extras, "seed": _seed(self.seed, 6, 0), "factor": f}
-            for a in map(self.attempts.__getitem__, final) for f in (1.0, *OTHER_NUMBERS)
-        ]  # fmt: skip
+        seed, factors = _seed(self.seed, 6, 0), (1.0, *OTHER_NUMBERS)
+        tasks = [self._numbers(k) | {"seed": seed, "factor": factor} for k in final for factor in factors]
         each, best = 1 + len(OTHER_NUMBERS), self._best_score()
         found = workers.map(keep, tasks, lambda done: self.say(done // each, len(final), best, "staying"))
         for at, k in enumerate(final):

@@ -6,6 +6,7 @@ import numpy as np
 
 from flockbrush.behaviours.brush import shipped
 from flockbrush.learning.herd_views import followed
+from flockbrush.learning.likelihood import place, read
 from flockbrush.learning.rollout import LEAST, params_of, theta_of
 from flockbrush.learning.trials import SIGHTS, WANDER_TIMES
 
@@ -124,24 +125,16 @@ class Code:
     def __init__(self, theta, extras, angular, weak=False):
         self.theta, self.extras = np.array(theta, float), dict(extras)
         self.free = np.array([k for k in range(9) if angular or k % 3 != 2])
-        usual = params_of(theta, extras)
         self.power = np.where(weak & (self.free % 3 == 0), 2.0, 1.0)
-        logs = [self._to(name, getattr(usual, name)) for name in EXTRAS]
+        logs = place(EXTRAS, params_of(theta, extras))
         self.numbers = np.concatenate([self.theta[self.free] ** (1.0 / self.power), logs])
-
-    def _to(self, name, value):
-        low, high = EXTRAS[name]
-        return float(np.clip(np.log(max(value, low) / low) / np.log(high / low), 0.0, 1.0))
 
     def read(self, numbers):
         """(theta, extras) as JSON holds them."""
         theta = self.theta.copy()
         theta[self.free] = np.clip(numbers[: len(self.free)], 0.0, 1.0) ** self.power
         theta[self.free] = np.maximum(theta[self.free], LEAST)
-        extras = dict(self.extras)
-        for name, x in zip(EXTRAS, numbers[len(self.free) :], strict=True):
-            low, high = EXTRAS[name]
-            extras[name] = float(low * (high / low) ** x)
+        extras = self.extras | read(EXTRAS, numbers[len(self.free) :])
         if extras["wander"] <= 1.2 * EXTRAS["wander"][0]:
             extras["wander"] = 0.0
         return theta.tolist(), extras
