@@ -216,11 +216,29 @@ _GRIDS = ("density", "speed_variance", "angular_variance", "seen", "speed")
 SIGHT_COLUMNS = "xy", "forward", "speed", "turn", "track", "neighbours_seen"  # of sightings
 
 
-@dataclass
-class Sightings:
-    """Single animals: one row per animal and frame, in order of frames."""
+class ByFrame:
+    """Rows in order of frames."""
 
     first: np.ndarray  # (T + 1,) int; rows ``first[t]`` to ``first[t + 1]`` belong to frame t
+
+    def __len__(self):
+        return len(self.first) - 1
+
+    def of(self, t) -> slice:
+        """The rows of frame t."""
+        return slice(int(self.first[t]), int(self.first[t + 1]))
+
+    @property
+    def frame(self) -> np.ndarray:
+        """(m,) the frame of each row."""
+        return np.repeat(np.arange(len(self)), np.diff(self.first))
+
+
+@dataclass
+class Sightings(ByFrame):
+    """Single animals: one row per animal and frame."""
+
+    first: np.ndarray  # (T + 1,) int
     xy: np.ndarray  # (m, 2); BL
     forward: np.ndarray  # (m, 2); unit vectors along the body, head first
     speed: np.ndarray  # (m,); BL/s; NaN unknown
@@ -239,18 +257,6 @@ class Sightings:
                 raise ValueError(f"{name} of the sightings has shape {np.shape(getattr(self, name))}, not {shape}")
         if self.first[0] != 0 or self.first[-1] != rows or (np.diff(self.first) < 0).any():
             raise ValueError(f"first must rise from 0 to the {rows} sightings, got {self.first[0]} to {self.first[-1]}")
-
-    def __len__(self):
-        return len(self.first) - 1
-
-    def of(self, t) -> slice:
-        """The rows of frame t."""
-        return slice(int(self.first[t]), int(self.first[t + 1]))
-
-    @property
-    def frame(self) -> np.ndarray:
-        """(m,) the frame of each row."""
-        return np.repeat(np.arange(len(self)), np.diff(self.first))
 
     def scaled(self, by: float) -> Sightings:
         """The same in a unit of length that is so many times shorter."""

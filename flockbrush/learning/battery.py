@@ -23,7 +23,7 @@ from numba import njit
 
 from flockbrush.film.missing_animals import share_lost, trust
 from flockbrush.film.observations import Evidence
-from flockbrush.learning.herd_views import fields_of, in_picture, told_apart, view_of
+from flockbrush.learning.herd_views import fields_of, in_picture, told_apart, view_of, view_of_fields
 from flockbrush.learning.rollout import Run
 from flockbrush.learning.scores import CHANCE
 
@@ -149,8 +149,6 @@ def looks_of_run(
     """Looks at a run as seen in that clip, with the errors of its sightings."""
     fps = clip.fps if fps is None else fps
     if not told_apart(clip):
-        from flockbrush.learning.herd_views import view_of_fields
-
         return _of_view(view_of_fields(fields_of(run, clip.fields)), fps, every)
     first, xy, forward, who = seen_run(run, clip)
     return _looks(first, xy, forward, who, fps, every, span)
@@ -159,7 +157,7 @@ def looks_of_run(
 def seen_run(run: Run, clip: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """A run with the errors of a clip: first rows of frames (T + 1,), positions and headings (m, 2), ids (m,)."""
     inside = in_picture(run, clip.fields)
-    frame = np.repeat(np.arange(len(run)), np.diff(run.first))[inside]
+    frame = run.frame[inside]
     rng = np.random.default_rng(len(frame))
     first = np.searchsorted(frame, np.arange(len(run) + 1))
     if clip.smoothing is not None and _as_often(run, clip):

@@ -8,15 +8,15 @@ import numpy as np
 
 from flockbrush.film.cell_statistics import cell_statistics
 from flockbrush.film.missing_animals import trust
-from flockbrush.film.observations import Evidence, Fields
+from flockbrush.film.observations import ByFrame, Evidence, Fields
 from flockbrush.learning.rollout import Run
 
 
 @dataclass
-class HerdView:
-    """The observed state of a herd, by frame."""
+class HerdView(ByFrame):
+    """The observed state of a herd: points by frame."""
 
-    first: np.ndarray  # (T + 1,) points of frame t are rows first[t]:first[t + 1]
+    first: np.ndarray  # (T + 1,)
     xy: np.ndarray  # (m, 2) BL
     heading: np.ndarray  # (m, 2) unit vectors; zero where unknown
     speed: np.ndarray  # (m,) BL/s; NaN unknown
@@ -30,13 +30,6 @@ class HerdView:
     def __post_init__(self):
         if not len(self.trust):
             self.trust = np.ones(len(self.xy))
-
-    def __len__(self):
-        return len(self.first) - 1
-
-    def of(self, t):
-        """The rows of one frame."""
-        return slice(self.first[t], self.first[t + 1])
 
 
 def told_apart(evidence: Evidence) -> bool:
@@ -78,9 +71,8 @@ def view_of_run(run: Run, evidence: Evidence, single=None) -> HerdView:
     if not single:
         return view_of_fields(fields_of(run, fields))
     inside = in_picture(run, fields)
-    frame = np.repeat(np.arange(len(run)), np.diff(run.first))[inside]
-    first = np.searchsorted(frame, np.arange(len(run) + 1))
-    ones = np.ones(len(frame))
+    first = np.searchsorted(run.frame[inside], np.arange(len(run) + 1))
+    ones = np.ones(inside.sum())
     ahead = np.maximum((run.velocity * run.forward).sum(1), 0.0)[inside]  # as of animals that are followed in a film
     return HerdView(first, run.xy[inside], run.forward[inside], ahead, ones, True, _middle(fields), fields.cell)
 
@@ -89,9 +81,8 @@ def in_picture(run: Run, fields: Fields):
     """(m,) bool, which animals of a run are in the picture; all, when the picture holds the whole herd."""
     if fields.holds_all:
         return np.ones(len(run.xy), bool)
-    frame = np.minimum(np.repeat(np.arange(len(run)), np.diff(run.first)), len(fields) - 1)
     row, column, inside = fields.cells_of(run.xy)
-    return inside & fields.seen[frame, row, column]
+    return inside & fields.seen[np.minimum(run.frame, len(fields) - 1), row, column]
 
 
 def _middle(fields):
@@ -130,7 +121,7 @@ def fields_of(run: Run, like: Fields) -> Fields:
     else:
         seen = like.seen[np.minimum(np.arange(len(run)), len(like) - 1)]
         obstacle, region = like.obstacle, like.region
-    frame = np.repeat(np.arange(len(run)), np.diff(run.first))
+    frame = run.frame
     at = np.floor((run.xy - origin) / cell).astype(int)
     inside = ((at >= 0) & (at < (nx, ny))).all(1)
     inside[inside] = seen[frame[inside], at[inside, 1], at[inside, 0]]

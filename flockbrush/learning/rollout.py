@@ -17,7 +17,7 @@ animals came in, so that their number is the clip's [1]_.  Leaders follow the cl
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -29,6 +29,7 @@ from flockbrush.behaviours.brush import BodySpec, VisionSpec
 from flockbrush.behaviours.models.herd import HerdState, Land, Params, forces_of, herd_kernel
 from flockbrush.behaviours.wander import random_turns, wander_kernel
 from flockbrush.engine.noise import Noise
+from flockbrush.film.observations import ByFrame, Fields
 from flockbrush.learning.perceive import BODILESS, NO_OWNER, cosine_of, half_and_radius, leader_rule, walls_in_sight
 from flockbrush.learning.plane_scene import wishes_on_plane
 from flockbrush.learning.world_rollout import between, model_of, needs_world, world_looks
@@ -81,22 +82,15 @@ class HerdStart:
 
 
 @dataclass
-class Run:
+class Run(ByFrame):
     """What a herd did, frame by frame; animals may come and go."""
 
     times: np.ndarray  # (T,) s since the start
-    first: np.ndarray  # (T + 1,) animals of frame t are rows first[t]:first[t + 1]
+    first: np.ndarray  # (T + 1,)
     ids: np.ndarray  # (m,)
     xy: np.ndarray  # (m, 2) BL
     forward: np.ndarray  # (m, 2) unit headings
     velocity: np.ndarray  # (m, 2) BL/s, what they really did
-
-    def __len__(self):
-        return len(self.times)
-
-    def of(self, t):
-        """The rows of one frame."""
-        return slice(self.first[t], self.first[t + 1])
 
     @property
     def speed(self):
@@ -113,9 +107,7 @@ class Run:
 class ClipGuide:
     """Where leaders are led: the motion of a clip, by cell and time."""
 
-    origin: np.ndarray  # (2,) BL, lower left corner
-    cell: float  # BL
-    fps: float
+    fields: Fields
     direction: np.ndarray  # (T, ny, nx, 2) unit vectors; zero where nothing is known
 
     @classmethod
@@ -123,17 +115,17 @@ class ClipGuide:
         """From the velocity of `Fields`; empty cells take the direction of the nearest animals within ``reach`` BL."""
         size = np.hypot(fields.velocity[..., 0], fields.velocity[..., 1])
         direction = fields.velocity / np.where(size > 1e-9, size, np.inf)[..., None]
-        return cls(np.asarray(fields.origin, float), fields.cell, fields.fps, _spread(direction, reach / fields.cell))
+        return cls(fields, _spread(direction, reach / fields.cell))
 
     def at(self, time, xy):
         """(n, 2) direction at each place; zero without leaders."""
-        ny, nx = self.direction.shape[1:3]
-        frame = min(int(time * self.fps + 1e-9), len(self.direction) - 1)
-        ix, iy = np.floor((xy - self.origin) / self.cell).astype(int).T
-        inside = (ix >= 0) & (iy >= 0) & (ix < nx) & (iy < ny)
-        out = np.zeros((len(xy), 2))
-        out[inside] = self.direction[frame, iy[inside], ix[inside]]
-        return out
+        row, column, inside = self.fields.cells_of(xy)
+        return np.where(inside[:, None], self.direction[_frame(self.fields, time), row, column], 0.0)
+
+
+def _frame(fields, time):
+    """The frame that is shown after so many seconds, or the last."""
+    return min(int(time * fields.fps + 1e-9), len(fields) - 1)
 
 
 def _spread(direction, reach):
@@ -153,12 +145,8 @@ def _spread(direction, reach):
 class Gates:
     """The borders of a picture that sees part of a herd."""
 
-    origin: np.ndarray  # (2,) BL
-    cell: float  # BL
-    fps: float
-    seen: np.ndarray  # (T, ny, nx) bool: cells inside the picture
-    count: np.ndarray  # (T,) animals in the picture
-    entry: list[np.ndarray] = field(default_factory=list)  # by frame: (k, 4) cell ix, iy and heading of newcomers
+    fields: Fields
+    entry: list[np.ndarray]  # by frame: (k, 4) cell ix, iy and heading of newcomers
 
     @classmethod
     def of(cls, fields):
@@ -169,29 +157,22 @@ class Gates:
         density, entry = np.nan_to_num(fields.density), []
         for t, rim in enumerate(fields.rims):
             entry.append(_inward(fields, t, rim & (density[t] > 0) & (np.nan_to_num(speed[t]) > 0)))
-        origin = np.asarray(fields.origin, float)
-        return cls(origin, fields.cell, fields.fps, fields.seen, np.asarray(fields.count, float), entry)
-
-    def _frame(self, time):
-        return min(int(time * self.fps + 1e-9), len(self.count) - 1)
+        return cls(fields, entry)
 
     def inside(self, time, xy):
         """(n,) bool, places in the picture."""
-        seen = self.seen[self._frame(time)]
-        ix, iy = np.floor((xy - self.origin) / self.cell).astype(int).T
-        ok = (ix >= 0) & (iy >= 0) & (ix < seen.shape[1]) & (iy < seen.shape[0])
-        ok[ok] = seen[iy[ok], ix[ok]]
-        return ok
+        row, column, inside = self.fields.cells_of(xy)
+        return inside & self.fields.seen[_frame(self.fields, time), row, column]
 
     def newcomers(self, time, present, chance):
         """Where as many come in as are missing: xy and forward (k, 2); ``chance(k, 3)`` gives numbers in [0, 1)."""
-        t = self._frame(time)
-        missing = round(self.count[t]) - present
+        fields, t = self.fields, _frame(self.fields, time)
+        missing = round(float(fields.count[t])) - present
         if missing < 1 or not len(self.entry[t]):
             return np.zeros((0, 2)), np.zeros((0, 2))
         u = chance(missing, 3)
         gate = self.entry[t][(u[:, 0] * len(self.entry[t])).astype(int)]
-        return self.origin + (gate[:, :2] + u[:, 1:]) * self.cell, gate[:, 2:]
+        return fields.origin + (gate[:, :2] + u[:, 1:]) * fields.cell, gate[:, 2:]
 
 
 def _inward(fields, t, busy):
@@ -297,8 +278,6 @@ class PlaneHerd:
         self.guide, self.tick_number, self.next_id = around.guide, 0, 1
         self._walls(around.walls)
         self._tables()
-        self.ids = np.zeros(0, np.int64)
-        self._columns(0)
         self.join(start)
 
     def _walls(self, walls):
@@ -318,13 +297,8 @@ class PlaneHerd:
         of_spec = {k: np.array([getattr(spec, k)]) for k in PaceRules._fields if k not in density}
         self.pace_rules = PaceRules(**density, **of_spec)
 
-    def _columns(self, n):
-        self.xyz, self.forward, self.velocity = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2))
-        self.drawn, self.effort, self.target = np.zeros(n), np.ones(n), np.zeros(n)
-        self.leader, self.memory, self.known = np.zeros(n, np.uint8), np.zeros((n, 2)), np.zeros(n, np.uint8)
-        self._constants(n)
-
-    def _constants(self, n):
+    def _constants(self):
+        n = len(self.ids)
         self.size, self.thick = np.full(n, 2 * (self.axis + self.radius)), np.full(n, self.radius)
         self.length, self.none, self.zero = np.ones(n), np.zeros(n, np.int32), np.zeros((n, 2))
         most = getattr(self.params, "max_turn", np.inf)
@@ -367,14 +341,14 @@ class PlaneHerd:
             "leader": np.zeros(n, np.uint8), "memory": np.zeros((n, 2)), "known": np.zeros(n, np.uint8),
         }  # fmt: skip
         for name, new in news.items():
-            setattr(self, name, np.concatenate([getattr(self, name), new]))
-        self._constants(len(self.ids))
+            setattr(self, name, np.concatenate([getattr(self, name, new[:0]), new]))
+        self._constants()
 
     def keep(self, rows):
         """Remove all other animals."""
         for name in ("ids", "xyz", "forward", "velocity", "drawn", "effort", "target", "leader", "memory", "known"):
             setattr(self, name, getattr(self, name)[rows])
-        self._constants(len(self.ids))
+        self._constants()
 
     def tick(self):
         """One tick, in the order of a level's schedule."""
