@@ -81,20 +81,10 @@ class Fields:
             yield f"density has shape {self.density.shape}, and not frames x rows x columns"
             return
         cells = self.density.shape
-        shapes = dict.fromkeys(_GRIDS, cells) | {
-            "velocity": (*cells, 2),
-            "obstacle": cells[1:],
-            "region": cells[1:],
-            "count": cells[:1],
-            "frames": cells[:1],
-            "origin": (2,),
-        }
-        if self.outline is not None:
-            shapes["outline"] = (len(self.outline), 5)
-        if self.at_edge is not None:
-            shapes["at_edge"] = cells[:1]
-        if self.pairs is not None:
-            shapes["pairs"] = (*cells[:1], RINGS)
+        shapes = dict.fromkeys(_GRIDS, cells) | {"velocity": (*cells, 2)}
+        shapes |= {"obstacle": cells[1:], "region": cells[1:], "count": cells[:1], "frames": cells[:1], "origin": (2,)}
+        more = {"outline": (*np.shape(self.outline)[:1], 5), "at_edge": cells[:1], "pairs": (*cells[:1], RINGS)}
+        shapes |= {name: shape for name, shape in more.items() if getattr(self, name) is not None}
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
                 yield f"{name} has shape {np.shape(getattr(self, name))}, density asks for {shape}"
@@ -177,16 +167,11 @@ class Fields:
     def scaled(self, by: float) -> Fields:
         """The same in a unit of length that is so many times shorter."""
         return replace(
-            self,
-            cell=self.cell * by,
-            origin=np.asarray(self.origin, float) * by,
-            density=self.density / by**2,
-            velocity=self.velocity * by,
-            speed=np.asarray(self.speed) * by,
-            speed_variance=self.speed_variance * by**2,
+            self, cell=self.cell * by, origin=np.asarray(self.origin, float) * by, density=self.density / by**2,
+            velocity=self.velocity * by, speed=np.asarray(self.speed) * by, speed_variance=self.speed_variance * by**2,
             outline=None if self.outline is None else np.asarray(self.outline) * [by, by, by, by, 1.0],
             pairs=None if self.pairs is None else pairs_scaled(self.pairs, by),
-        )
+        )  # fmt: skip
 
     def save(self, path):
         """Write only the fields, as npz.
@@ -351,31 +336,28 @@ class Evidence:
         if not len(fields_part):
             raise ValueError(f"none of the {len(self.fields)} frames of {self.name} is left")
         sightings = self.sightings.part(chosen) if self.sightings is not None else None
-        speed = None
-        if self.speed and len(fields_part) > 1:
-            known = self.speed.body_pixels, self.speed.smoothed, self.speed.errors
-            speed = speed_evidence(fields_part, sightings, *known, self.radius_seen)
         camera = self.camera[chosen] if self.camera is not None else None
-        return replace(
-            self, fields=fields_part, sightings=sightings, speed=speed, camera=camera, notes=list(self.notes)
-        )
+        return replace(self.showing(fields_part, sightings), camera=camera, notes=list(self.notes))
+
+    def showing(self, fields: Fields, sightings: Sightings | None) -> Evidence:
+        """The same with a part of what was seen, and with the speeds of that part only."""
+        speed = None
+        if self.speed is not None and len(fields) > 1:
+            known = self.speed.body_pixels, self.speed.smoothed, self.speed.errors
+            speed = speed_evidence(fields, sightings, *known, self.radius_seen)
+        return replace(self, fields=fields, sightings=sightings, speed=speed)
 
     def in_lengths_of(self, pixels: float) -> Evidence:
         """The same in body lengths of so many pixels of the clip (see `clip_body_px`)."""
         by = self.clip_body_px / pixels
         if by == 1.0:
             return self
+        parts = {name: getattr(self, name) for name in ("fields", "sightings", "speed", "smoothing")}
         return replace(
-            self,
-            body_length_px=self.body_length_px / by,
-            place_noise=self.place_noise * by,
-            fields=self.fields.scaled(by),
-            sightings=None if self.sightings is None else self.sightings.scaled(by),
-            speed=None if self.speed is None else self.speed.scaled(by),
-            smoothing=None if self.smoothing is None else self.smoothing.scaled(by),
-            to_pixels=_for_lengths(self.to_pixels, by),
-            to_file=_for_lengths(self.to_file, by),
-        )
+            self, **{name: None if part is None else part.scaled(by) for name, part in parts.items()},
+            body_length_px=self.body_length_px / by, place_noise=self.place_noise * by,
+            to_pixels=_for_lengths(self.to_pixels, by), to_file=_for_lengths(self.to_file, by),
+        )  # fmt: skip
 
     def save(self, path):
         """Write everything as one npz.

@@ -61,16 +61,12 @@ class SpeedEvidence:
 
     def scaled(self, by: float) -> SpeedEvidence:
         """The same in a unit of length that is so many times shorter."""
+        lengths = "mean", "deviation", "individual", "common", "pixel_deviation"
         return replace(
-            self,
-            mean=self.mean * by,
-            deviation=self.deviation * by,
-            individual=self.individual * by,
-            common=self.common * by,
-            pixel_deviation=self.pixel_deviation * by,
+            self, **{name: getattr(self, name) * by for name in lengths},
             by_density=[(density / by**2, factor) for density, factor in self.by_density],
             errors=[error * by**2 for error in self.errors],
-        )
+        )  # fmt: skip
 
     @staticmethod
     def of_arrays(arrays) -> SpeedEvidence:
@@ -117,25 +113,16 @@ def speed_evidence(
         sightings = replace(sightings, speed=np.where(room, sightings.speed, np.nan))
     single = _of_animals(sightings, fields.fps, smoothed, errors)
     crowd = _crowd_of_fields(fields, occupied) if single is None else _crowd_of_animals(sightings)
+    if single is None:
+        told = {"mean": mean, "deviation": float(pixel_deviation / np.sqrt(body_pixels))}
+    else:
+        told = {"mean": float(single.mean), "deviation": float(single.spread)}
+        told |= {name: getattr(single, name) for name in ("reversion", "likely", "individual", "common", "common_time")}
+        told |= {} if pauses is None else {name: getattr(pauses, name) for name in ("stops", "starts", "imitation")}
     return SpeedEvidence(
-        mean=mean if single is None else float(single.mean),
-        deviation=float(pixel_deviation / np.sqrt(body_pixels)) if single is None else float(single.spread),
-        reversion=None if single is None else single.reversion,
-        **(
-            {} if single is None else {k: getattr(single, k) for k in ("likely", "individual", "common", "common_time")}
-        ),
-        by_density=table_of(*crowd),
-        weight=float(crowd[2].sum()),
-        **(
-            {}
-            if pauses is None or single is None
-            else {k: getattr(pauses, k) for k in ("stops", "starts", "imitation")}
-        ),
-        body_pixels=float(body_pixels),
-        pixel_deviation=pixel_deviation,
-        smoothed=float(smoothed),
-        errors=np.asarray(errors, float).tolist(),
-    )
+        **told, by_density=table_of(*crowd), weight=float(crowd[2].sum()), body_pixels=float(body_pixels),
+        pixel_deviation=pixel_deviation, smoothed=float(smoothed), errors=np.asarray(errors, float).tolist(),
+    )  # fmt: skip
 
 
 def _of_animals(sightings, fps, smoothed, errors):

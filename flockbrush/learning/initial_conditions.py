@@ -46,13 +46,9 @@ def speed_of(evidences: list[Evidence]) -> SpeedSpec:
         left = between - mean**2 * float(np.var(factors))
         square = float(np.mean(np.square(factors)))
         own, between = max(own + min(left, 0.0), LEAST_OWN**2 * own) / square, max(left, 0.0) / square
-    pausing = [s for s in known if s.stops > 0]
-    states = {}
-    if 2 * len(pausing) > len(known):  # most clips show it
-        states = {
-            name: float(np.clip(np.median([getattr(s, name) for s in pausing]), 0, 20))
-            for name in ("stops", "starts", "imitation")
-        }
+    pausing, states = [s for s in known if s.stops > 0], {}
+    for name in ("stops", "starts", "imitation") if 2 * len(pausing) > len(known) else ():  # most clips show it
+        states[name] = float(np.clip(np.median([getattr(s, name) for s in pausing]), 0, 20))
     return SpeedSpec(
         **states,
         mean=float(np.clip(mean, 0, 100)),

@@ -45,20 +45,14 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
     fields = photo.fields
     again: dict[str, Any] = {
         name: np.repeat(getattr(fields, name), frames, axis=0)
-        for name in ("density", "seen", "count", "at_edge", "pairs")
+        for name in ("density", "seen", "count", "frames", "at_edge", "pairs")
         if getattr(fields, name) is not None
     }
     unknown = np.full(again["density"].shape, np.nan)
     long = replace(
-        fields,
-        fps=FPS,
-        velocity=np.stack([unknown, unknown], axis=-1),
-        speed=unknown.copy(),
-        speed_variance=unknown.copy(),
-        angular_variance=np.repeat(target[None], frames, axis=0),
-        frames=np.full(frames, fields.frames[0]),
-        **again,
-    )
+        fields, fps=FPS, velocity=np.stack([unknown, unknown], axis=-1), speed=unknown.copy(),
+        speed_variance=unknown.copy(), angular_variance=np.repeat(target[None], frames, axis=0), **again,
+    )  # fmt: skip
     camera = None if photo.camera is None else np.repeat(photo.camera, frames, axis=0)
     how = "measured from the axes of the bodies" if told else f"{RANDOM:g} degrees², assuming random directions"
     notes = [
@@ -66,15 +60,9 @@ def standing(photo: Evidence, speed: float = SPEED, seconds: float = SECONDS) ->
         "Learned from a photograph: only from density, spacing and the variance of directions; motion is not known.",
         f"Variance of directions: {how}. Speed: {speed:g} body lengths/s, as given.",
     ]
-    return replace(
-        photo,
-        fps=FPS,
-        fields=long,
-        sightings=None if photo.sightings is None else _lying(photo.sightings, speed, frames),
-        speed=SpeedEvidence(mean=speed, deviation=SPREAD * speed),
-        camera=camera,
-        notes=notes,
-    )
+    sightings = None if photo.sightings is None else _lying(photo.sightings, speed, frames)
+    speeds = SpeedEvidence(mean=speed, deviation=SPREAD * speed)
+    return replace(photo, fps=FPS, fields=long, sightings=sightings, speed=speeds, camera=camera, notes=notes)
 
 
 def _lying(seen: Sightings, speed, frames) -> Sightings:

@@ -9,7 +9,6 @@ import numpy as np
 
 from flockbrush.engine.files import refused
 from flockbrush.film.observations import SIGHT_COLUMNS, Evidence, Sightings
-from flockbrush.film.speeds import speed_evidence
 
 MOST = 16  # colours of a mask; more are a photograph, or soft edges
 FEWEST = 2.0  # animals of a region on average, below which nothing can be learned of it
@@ -29,14 +28,9 @@ class Region:
 
 
 _WORDS = {
-    "#ff0000": "red",
-    "#00ff00": "green",
-    "#0000ff": "blue",
-    "#ffff00": "yellow",
-    "#00ffff": "cyan",
-    "#ff00ff": "magenta",
-    "#ffffff": "white",
-}
+    "#ff0000": "red", "#00ff00": "green", "#0000ff": "blue", "#ffff00": "yellow", "#00ffff": "cyan",
+    "#ff00ff": "magenta", "#ffffff": "white",
+}  # fmt: skip
 
 
 def regions_of(path) -> list[Region]:
@@ -68,23 +62,18 @@ def within(evidence: Evidence, region: Region) -> Evidence | None:
     fields = evidence.fields
     here = fields.region == region.number
     seen = fields.seen & here
-    density = np.where(seen, fields.density, np.nan)
-    count = np.nan_to_num(density).sum((1, 2)) * fields.cell**2
+    known: dict[str, Any] = {
+        name: np.where(seen, getattr(fields, name), np.nan)
+        for name in ("density", "speed_variance", "angular_variance", "speed")
+    }
+    count = np.nan_to_num(known["density"]).sum((1, 2)) * fields.cell**2
     if not len(count) or count.mean() < FEWEST:
         return None
-    unknown: dict[str, Any] = {
-        name: np.where(seen, getattr(fields, name), np.nan) for name in ("speed_variance", "angular_variance", "speed")
-    }
     velocity = np.where(seen[..., None], fields.velocity, np.nan)
-    unknown |= {"at_edge": None, "pairs": None}
-    part = replace(fields, density=density, velocity=velocity, seen=seen, count=count, **unknown)
+    part = replace(fields, velocity=velocity, seen=seen, count=count, at_edge=None, pairs=None, **known)
     sightings = None if evidence.sightings is None else _within(evidence.sightings, fields, here)
-    speed = None
-    if evidence.speed is not None and len(part) > 1:
-        known = evidence.speed.body_pixels, evidence.speed.smoothed, evidence.speed.errors
-        speed = speed_evidence(part, sightings, *known, evidence.radius_seen)
     notes = [*evidence.notes, f"Learned only from the region painted {region.colour}."]
-    return replace(evidence, fields=part, sightings=sightings, speed=speed, notes=notes)
+    return replace(evidence.showing(part, sightings), notes=notes)
 
 
 def _within(sightings, fields, here):
