@@ -241,9 +241,14 @@ def _sparsely(sight, camera, wish, every):
 
 def _depths(rays, there, fps, manner, wish, mean_speed, settled=SETTLED):
     """(F, N) m."""
+
+    def scaled(depth):
+        """To the mean speed of the birds."""
+        step = np.diff(depth[..., None] * rays, axis=0)
+        return depth * (mean_speed / float(np.nanmean(np.linalg.norm(step, axis=-1)) * fps))
+
     if not _is_flock(there):
-        depth = np.where(there, 1.0, np.nan)
-        return depth * (mean_speed / _mean_speed(rays, depth, fps))
+        return scaled(np.where(there, 1.0, np.nan))
     system = _System(rays, there)
     fixed = system.steady(fps, manner, wish)
     bands, depth = fixed, system.filled(1.0)
@@ -252,17 +257,8 @@ def _depths(rays, there, fps, manner, wish, mean_speed, settled=SETTLED):
         depth, change = system.newton(bands, depth)
         if change < settled and step:
             break
-    depth = depth * (mean_speed / _mean_speed(rays, depth, fps))
-    if wish.separation:
-        depth = _apart(system, bands, depth, wish)
-        depth = depth * (mean_speed / _mean_speed(rays, depth, fps))
-    return depth
-
-
-def _mean_speed(rays, depth, fps):
-    """Of all birds over all frames, m/s."""
-    step = np.diff(depth[..., None] * rays, axis=0)
-    return float(np.nanmean(np.linalg.norm(step, axis=-1)) * fps)
+    depth = scaled(depth)
+    return scaled(_apart(system, bands, depth, wish)) if wish.separation else depth
 
 
 class _System:
@@ -325,14 +321,16 @@ class _System:
                 i, j = self.number[f + a, n], self.number[f + b, n]
                 bands[i, j - i] += weight * step[a] * step[b] * dots  # each place once
 
-    def _turning(self, bands, weight):
-        """The middle's own acceleration, over what it has in that of all birds."""
-        if not weight:
-            return
+    def _triples(self):
+        """(f, birds, rows of the system) of those that are there in frame f and the two after it."""
         triple = self.there[2:] & self.there[1:-1] & self.there[:-2]
         for f in np.flatnonzero(triple.any(1)):
             birds = np.flatnonzero(triple[f])
-            places = self.number[f : f + 3, birds].ravel()
+            yield f, birds, self.number[f : f + 3, birds].ravel()
+
+    def _turning(self, bands, weight):
+        """The middle's own acceleration, over what it has in that of all birds."""
+        for f, birds, places in self._triples() if weight else ():
             bend = (self.rays[f : f + 3, birds] * np.array([1.0, -2.0, 1.0])[:, None, None]).reshape(-1, 3)
             add_squares(bands, places, np.ascontiguousarray(bend.T), weight / len(birds))
 
@@ -359,12 +357,9 @@ class _System:
         if not weight:
             return bands
         xyz = np.nan_to_num(depth)[..., None] * self.rays
-        triple = self.there[2:] & self.there[1:-1] & self.there[:-2]
-        for f in np.flatnonzero(triple.any(1)):
-            birds = np.flatnonzero(triple[f])
+        for f, birds, places in self._triples():
             way = (xyz[f + 2, birds] - xyz[f, birds]).mean(0)
             way /= max(np.linalg.norm(way), 1e-12)
-            places = self.number[f : f + 3, birds].ravel()
             along = (self.rays[f : f + 3, birds] @ way * [[1.0], [-2.0], [1.0]]).ravel()
             add_squares(bands, places, along[None], weight / len(birds))
         return bands
