@@ -63,9 +63,7 @@ class Outlines:
 
     def of(self, chosen) -> Outlines:
         """A subset of the outlines."""
-        return Outlines(
-            *(getattr(self, name)[chosen] for name in ("xy", "axis", "length", "width", "area", "alone", "ends"))
-        )
+        return Outlines(*(values[chosen] for values in vars(self).values()))
 
 
 def gone_on(bodies: Outlines, before: Outlines | None, length: float) -> Outlines:

@@ -63,8 +63,6 @@ class Flow:
             Pixels of bodies in ``one``, full px.
         move : (n, 2) ndarray
             What each moves, averaged over half a body, full px.
-        raw : (n, 2) ndarray
-            The same for the pixel alone.
         noise : float
             Deviation of the averaged flow of the ground, full px.
         """
@@ -75,7 +73,7 @@ class Flow:
         inside_b = cv2.warpAffine(inside_b, way, self.size, flags=cv2.INTER_NEAREST)
         box = _box(cv2.bitwise_or(inside, inside_b), 4 * self.width)
         if box is None:
-            return np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2)), float("nan")
+            return np.empty((0, 2)), np.empty((0, 2)), float("nan")
         x0, y0, x1, y1 = box
         cut = np.s_[y0:y1, x0:x1]
         flow = cv2.calcOpticalFlowFarneback(_level(a, b)[cut], b[cut], None, **FARNEBACK)
@@ -86,7 +84,7 @@ class Flow:
         mean = _averaged(flow, inside, self.width)
         y, x = np.nonzero(inside)
         at = (np.column_stack([x, y]) + (x0 + 0.5, y0 + 0.5)) / self.scale - 0.5
-        return at, mean[y, x] / self.scale, flow[y, x] / self.scale, self._noise(flow, ground)
+        return at, mean[y, x] / self.scale, self._noise(flow, ground)
 
     def _noise(self, flow, ground):
         """Robust deviation along one direction of the ground's averaged flow, full px."""

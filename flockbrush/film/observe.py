@@ -246,7 +246,7 @@ class _Taken:
         steps = []
         for k in rows:
             one, other = (self.flow.small(pictures[j], self.watch.colours.mask(j, pictures[j])) for j in (k, k + 1))
-            _, move, _, _ = self.flow.between(one, other, self.maps[k], self.maps[k + 1])
+            _, move, _ = self.flow.between(one, other, self.maps[k], self.maps[k + 1])
             steps.append(np.linalg.norm(move, axis=1))
         return gap_of(np.concatenate(steps), self.watch.size.length, self.clip.fps)
 
@@ -336,7 +336,7 @@ class _Taken:
             at = move = np.empty((0, 2))
         else:
             seconds = float(self.clip.times[other] - self.clip.times[k])
-            at, move, _, noise = self.flow.between(small, self.frames[other][2], m, self.maps[other])
+            at, move, noise = self.flow.between(small, self.frames[other][2], m, self.maps[other])
             self._rest(move * zoom_of(m) / abs(seconds))
             slow = SLOW * np.nan_to_num(noise) * zoom_of(m) / self.watch.length / abs(seconds)
             self.collector.add(number, mask, m, seconds, (at, move), slow)

@@ -39,17 +39,10 @@ def look_at(clip, how: Looking, show=None, quiet=False) -> Evidence:
             bar(100 * done / max(total, 1), f"{name}: {text}")
 
         return observe(
-            clip,
-            frames=how.frames,
-            landmarks=how.landmarks,
-            body_colour=how.body_colour,
-            body_length_px=how.body_length_px,
-            grid=how.grid,
-            obstacles=how.obstacles,
-            regions=how.regions,
-            say=report,
-            **({} if show is None else {"show": show}),
-        )
+            clip, frames=how.frames, landmarks=how.landmarks, body_colour=how.body_colour,
+            body_length_px=how.body_length_px, grid=how.grid, obstacles=how.obstacles, regions=how.regions,
+            say=report, show=show,
+        )  # fmt: skip
 
 
 def read_tracks_of(path, how: Looking) -> tuple[Trajectories, float]:

@@ -132,22 +132,18 @@ class PictureBook(Book):
         c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
         x, y = xy[:, 0] * s - xy[:, 1] * c, xy[:, 0] * c + xy[:, 1] * s
         names = [str(bird) for bird in birds]
-        formation_frame = extract_frame(x, y, "0", names, SAMPLES if len(x) > ALL_UP_TO else None)
-        leader = int(formation_frame.birds[formation_frame.leader])
+        frame = extract_frame(x, y, "0", names, SAMPLES if len(x) > ALL_UP_TO else None)
+        leader = int(frame.birds[frame.leader])
         curve = np.zeros((0, 2))
-        if formation_frame.curve is not None:
-            near = (
-                np.delete(formation_frame.x, formation_frame.outliers)
-                if formation_frame.outliers
-                else np.array(formation_frame.x)
-            )
+        if frame.curve is not None:
+            near = np.delete(frame.x, np.array(frame.outliers, int))
             across = np.linspace(near.min() - 0.4, near.max() + 0.4, 161)
-            along = formation_frame.curve.y(across)
+            along = frame.curve.y(across)
             row = names.index(str(leader))
             across, along = across + x[row], along + y[row]
             curve = np.stack([across * s + along * c, across * c - along * s], axis=1) * span
-        outliers = frozenset(int(formation_frame.birds[i]) for i in formation_frame.outliers)
-        return MarkedShape(formation_frame.kind, formation_frame.why, curve, leader, outliers, turn)
+        outliers = frozenset(int(frame.birds[i]) for i in frame.outliers)
+        return MarkedShape(frame.kind, frame.why, curve, leader, outliers, turn)
 
     @staticmethod
     def _turn(xy, heading):

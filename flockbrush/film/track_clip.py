@@ -40,8 +40,7 @@ def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=Fa
 
 def _track(clip, out, seed_points, correct, reach, as_json):
     """What `track_clip` does while nobody else may write the tracks."""
-    by_hand = [read_marks(path) if path else {} for path in (seed_points, correct)]
-    seeds, corrections = by_hand
+    seeds, corrections = (read_marks(path) if path else {} for path in (seed_points, correct))
     tracker = Tracker(seeds, corrections, reach)
     begin = time.perf_counter()
     seen = _follow(clip, tracker)
