@@ -288,9 +288,8 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
         return first
     herd.forget(len(judged) + 1)  # nothing is left to be continued
     _refuse_strangers(wholes, checks)
-    parts = (
-        "each clip" if len(wholes) > 1 else f"{len(judged)} parts of the clip" if len(judged) > 1 else "the second part"
-    )
+    parts = f"{len(judged)} parts of the clip" if len(judged) > 1 else "the second part"
+    parts = "each clip" if len(wholes) > 1 else parts
     if len(combined(checks).missed) > len(combined(theirs).missed):
         first.notes = [
             f"Tested on {parts} in turn; a fit to all frames was worse, so the first of these fits was saved, with its "

@@ -147,30 +147,16 @@ def _brush(brush, k, speeds, many):
         rest |= {"mean": 0.0, "deviation": 0.0, "reversion": STOPPING, "common": 0.0, "by_density": ()}
     elif many > 2:
         rest |= {"mean": float(speeds[0]), "deviation": float(speeds[1] * np.sqrt(2.0 * brush.speed.reversion))}
-    title = f"{brush.title}, {STATES[k]}"[:200]
-    speed = brush.speed.model_copy(update=rest)
-    return brush.model_copy(
-        update={
-            "name": f"{brush.name}-{STATES[k]}",
-            "title": title,
-            "speed": speed,
-            "colour": COLOURS[k],
-            "transition": 0.0,
-        }
-    )
+    state = {"name": f"{brush.name}-{STATES[k]}", "title": f"{brush.title}, {STATES[k]}"[:200], "colour": COLOURS[k]}
+    return brush.model_copy(update=state | {"speed": brush.speed.model_copy(update=rest), "transition": 0.0})
 
 
 def _text(brush, brushes, shares, changes):
     states = [name.removeprefix(f"{brush.name}-") for name in brushes]
     told = f"Animals {', '.join(states[:-1])} and {states[-1]} by turns, by chance and as neighbours do."
     start = {name: round(shares[STATES.index(name)], 3) for name in states}
-    lines = [
-        'schema = "flockbrush.program/1"',
-        f"title = {toml(brush.title)}",
-        f"description = {toml(told)}",
-        f"source = {toml(brush.provenance.source)}",
-        f"start = {toml(start)}",
-    ]
+    head = {"title": brush.title, "description": told, "source": brush.provenance.source, "start": start}
+    lines = ['schema = "flockbrush.program/1"', *(f"{key} = {toml(value)}" for key, value in head.items())]
     for name in states:
         colour = COLOURS[STATES.index(name)]
         lines += ["", f"[state.{name}]", f"brush = {toml(f'{brush.name}-{name}')}", f"colour = {toml(colour)}"]

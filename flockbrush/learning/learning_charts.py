@@ -51,30 +51,23 @@ def _chart(comparison, name, span=None):
     band = np.maximum(clip - verdict.allowed, 0.0), np.minimum(clip + verdict.allowed, most)
     if name == "aspect" and np.nanmax(clip) > 1:
         span = None
-    herds = [
-        ChartCurve("single simulations", times, h[name], colour=HERD, width=0.8, alpha=0.35) for h in comparison.herds
-    ]
-    lines = [
-        ChartCurve(comparison.subject, times, clip, band=band if name in ORDER else None, colour=CLIP),
-        *(herds if len(herds) > 1 else []),
-    ]
-    lines.append(ChartCurve(_mean_of(herds), times, comparison.herd(name), colour=HERD))
+    seen = ChartCurve(comparison.subject, times, clip, band=band if name in ORDER else None, colour=CLIP)
+    lines = [seen, *_simulations(comparison, name, HERD)]
     return CurveChart(TITLES[name], "seconds from the start of the simulation", lines, span=span)
 
 
 def _error_chart(comparison, name):
-    times = comparison.times
-    each = [
-        ChartCurve("single simulations", times, h[name], colour=OTHER, width=0.8, alpha=0.35) for h in comparison.herds
-    ]
-    lines = [*(each if len(each) > 1 else []), ChartCurve(_mean_of(each), times, comparison.herd(name), colour=OTHER)]
-    return CurveChart(
-        TITLES[name], "horizon, seconds", lines, span=(0.0, float(np.nanmax([h[name] for h in comparison.herds])))
-    )
+    most = float(np.nanmax([herd[name] for herd in comparison.herds]))
+    return CurveChart(TITLES[name], "horizon, seconds", _simulations(comparison, name, OTHER), span=(0.0, most))
 
 
-def _mean_of(herds):
-    return "mean of simulations" if len(herds) > 1 else "simulation"
+def _simulations(comparison, name, colour):
+    """The single simulations, if they are several, and their mean."""
+    times, mean, herds = comparison.times, comparison.herd(name), comparison.herds
+    if len(herds) == 1:
+        return [ChartCurve("simulation", times, mean, colour=colour)]
+    single = [ChartCurve("single simulations", times, h[name], colour=colour, width=0.8, alpha=0.35) for h in herds]
+    return [*single, ChartCurve("mean of simulations", times, mean, colour=colour)]
 
 
 def _speeds(comparison):
@@ -105,12 +98,10 @@ def parameter_rows(learned) -> Rows:
     """The numbers, with what other starts came to."""
     near, far = others_of(learned)
     alike, others = (np.array([a.theta for a in some]).reshape(-1, len(learned.names)) for some in (near, far))
-    rows = [
-        ParamRow(
-            plain(name), float(value), others[:, k], bool(learned.identifiable[k]), name.split("_")[0], alike[:, k]
-        )
-        for k, (name, value) in enumerate(zip(learned.names, learned.theta, strict=True))
-    ]
+    rows = []
+    for k, (name, value) in enumerate(zip(learned.names, learned.theta, strict=True)):
+        told, force = bool(learned.identifiable[k]), name.split("_")[0]
+        rows.append(ParamRow(plain(name), float(value), others[:, k], told, force, alike[:, k]))
     return Rows("Parameters, normalised to 0..1", rows)
 
 
@@ -122,8 +113,7 @@ def _losses(learned, words) -> list[CurveChart]:
     titles = ("Descent: loss", "steps"), (words("Evolution: smallest distance to the clip"), "generations")
     made = []
     for (title, across), some in zip(titles, (fitted, evolved), strict=True):
-        lines = [_loss(a, False) for k, a in some if k != learned.chosen]
-        lines += [_loss(a, True) for k, a in some if k == learned.chosen]
+        lines = [_loss(a, k == learned.chosen) for k, a in sorted(some, key=lambda pair: pair[0] == learned.chosen)]
         if lines:
             every = np.concatenate([line.y for line in lines])
             made.append(CurveChart(title, across, lines, logarithmic=bool((every[np.isfinite(every)] > 0).all())))

@@ -24,27 +24,13 @@ def add_parameters(page, findings, show):
     rows = []
     for k, name in enumerate(learned.names):
         told = ("identifiable", "good") if learned.identifiable[k] else ("not identifiable", "quiet")
-        deviation = [measure(learned.deviation[k] if learned.deviation[k] < 1 else math.nan)] if sure else []
-        rows.append(
-            [
-                plain(name),
-                told,
-                measure(learned.theta[k]),
-                _real(learned, k),
-                measure(math.nan if alone else learned.spread[k]),
-                *deviation,
-                *([confounded[name]] if sure else []),
-            ]
+        more = (
+            [measure(learned.deviation[k] if learned.deviation[k] < 1 else math.nan), confounded[name]] if sure else []
         )
-    columns = [
-        "parameter",
-        "from the clip",
-        "value",
-        "physical value",
-        "spread of starts",
-        *(["deviation", "confounded with"] if sure else []),
-    ]
-    page.table(columns, rows, words=2)
+        spread = measure(math.nan if alone else learned.spread[k])
+        rows.append([plain(name), told, measure(learned.theta[k]), _real(learned, k), spread, *more])
+    columns = ["parameter", "from the clip", "value", "physical value", "spread of starts"]
+    page.table(columns + (["deviation", "confounded with"] if sure else []), rows, words=2)
     page.say(_meaning(learned.names == NAMES, sure, alone), "small")
     if learned.extras:
         page.say("Also set from the clip:")
