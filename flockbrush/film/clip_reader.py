@@ -103,14 +103,15 @@ def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Sa
     photo = _photo(name, path)
     if photo is not None:
         return _photograph(name, path, raw_sha, photo, frames, work)
-    look = _look_through(name, path, frames, say, work)
-    if len(look.numbers) == 1:
-        note = "it has only one frame: the density of the animals is known, but not their motion"
-        return Clip(path, name, raw_sha, look.size, look.full, FPS, look.numbers, look.times, True, look.notes + [note],
-                    look.kept)  # fmt: skip
-    _refuse_cuts(name, look)
-    chosen, times, fps, notes = evenly(look.numbers, look.times, look.repeats)
-    return Clip(path, name, raw_sha, look.size, look.full, fps, chosen, times, False, look.notes + notes, look.kept)
+    clip, apart, change, last = _look_through(name, path, raw_sha, frames, say, work)
+    if len(clip) == 1:
+        clip.still = True
+        clip.notes.append("it has only one frame: the density of the animals is known, but not their motion")
+        return clip
+    _refuse_cuts(clip, cuts(apart, change), last)
+    clip.numbers, clip.times, clip.fps, notes = evenly(clip.numbers, clip.times, _repeats(change))
+    clip.notes += notes
+    return clip
 
 
 def _sha256(name, path):
@@ -183,30 +184,15 @@ def _of_file(path):
     return {"bytes of the file": path.stat().st_size, "it begins with": " ".join(f"{byte:02x}" for byte in begin)}
 
 
-@dataclass
-class _Look:
-    """The measurements of one pass over a film, by frame."""
-
-    size: tuple[int, int]
-    full: tuple[int, int]
-    numbers: np.ndarray
-    times: np.ndarray
-    apart: np.ndarray  # (n,) distance of colour histograms to the frame before
-    change: np.ndarray  # (n,) mean difference of the thumbnails to the frame before, grey levels
-    first_picture: np.ndarray
-    kept: dict[int, np.ndarray]
-    notes: list[str]
-
-    @property
-    def repeats(self):
-        """(n,) bool: repeats the previous frame, in a film whose other frames differ."""
-        usual = np.median(self.change[1:]) if len(self.change) > 1 else 0.0
-        same = self.change < min(REPEATED, 0.2 * usual)
-        same[0] = False
-        return same
+def _repeats(change):
+    """(n,) bool: repeats the previous frame, in a film whose other frames differ."""
+    same = change < min(REPEATED, 0.2 * np.median(change[1:]))
+    same[0] = False
+    return same
 
 
-def _look_through(name, path, frames, say, work):
+def _look_through(name, path, sha256, frames, say, work):
+    """(clip of all frames at the rate it claims, `_changes` of its thumbnails, its last picture) of one pass."""
     first, last = _bounds(name, frames)
     numbers, times, thumbs, pictures, room, number = [], [], [], {}, KEEP, -1
     with _Film(name, path) as film:
@@ -232,8 +218,9 @@ def _look_through(name, path, frames, say, work):
         notes.append(f"the clip is marked as rotated by {film.turned} degrees; it was turned upright")
     times, clock_notes = _clock(times, film.fps)
     apart, change = _changes(thumbs)
-    return _Look(size, full, np.array(numbers), times, apart, change, _smaller(picture, size),
-                 pictures if room > 0 else {}, notes + clock_notes + _shrunk(full, size))  # fmt: skip
+    clip = Clip(path, name, sha256, size, full, FPS, np.array(numbers), times, False,
+                notes + clock_notes + _shrunk(full, size), pictures if room > 0 else {})  # fmt: skip
+    return clip, apart, change, _smaller(picture, size)
 
 
 def _bounds(name, frames):
@@ -265,7 +252,7 @@ def _clock(times, fps):
 
 
 def _changes(thumbs):
-    """(distance of colour histograms, mean difference) of each thumbnail to the one before, both (n,)."""
+    """(distance of colour histograms, mean difference, grey levels) of each thumbnail to the one before, (n,) both."""
     counts = [_histogram(thumb) for thumb in thumbs]
     apart, change = np.zeros(len(thumbs)), np.zeros(len(thumbs))
     for k in range(1, len(thumbs)):
@@ -295,18 +282,18 @@ def cuts(apart, change) -> np.ndarray:
     return np.flatnonzero(sudden & (change > 3.0 * np.median(change[1:])))
 
 
-def _refuse_cuts(name, look):
-    rows = cuts(look.apart, look.change)
+def _refuse_cuts(clip, rows, last):
+    """Refuse a clip with cuts in these rows; ``last`` is its last picture."""
     if not len(rows):
         return
-    numbers = look.numbers
+    numbers = clip.numbers
     edges = [0, *rows.tolist(), len(numbers)]
     shots = [f"{numbers[a]}:{numbers[b - 1]}" for a, b in zip(edges, edges[1:], strict=False)]
     where = ", ".join(f"{numbers[k - 1]} and {numbers[k]}" for k in rows[:5])
     ways = " or ".join(f"--frames {shot}" for shot in sorted(shots, key=_length, reverse=True)[:3])
     raise CannotObserve(
-        name, f"there is a cut between frames {where}; a clip must be one shot: try {ways}",
-        {"cuts": [int(numbers[k]) for k in rows], "pictures": {"last frame": look.first_picture}},
+        clip.name, f"there is a cut between frames {where}; a clip must be one shot: try {ways}",
+        {"cuts": [int(numbers[k]) for k in rows], "pictures": {"last frame": last}},
     )  # fmt: skip
 
 
