@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import Json, PaletteName, PaletteOption, ThemeName, ThemeOption
+from flockbrush.cli.shared_options import Json, PaletteName, PaletteOption, ThemeName, ThemeOption, argument, option
 
 brush_app = typer.Typer(
     help="List, show and preview brushes: models of behaviour with their parameters.", no_args_is_help=True
@@ -39,10 +39,7 @@ def brush_list(json: Json = False):
 
 
 @brush_app.command("show")
-def brush_show(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Brush: a name or a .brush.toml file.")],
-    json: Json = False,
-):
+def brush_show(name: Annotated[str, argument("NAME", "Brush: a name or a .brush.toml file.")], json: Json = False):
     """Show the parameters of a brush with their units, and where the values come from."""
     from flockbrush.cli.level_commands import show_brush
 
@@ -51,10 +48,7 @@ def brush_show(
 
 @brush_app.command("check")
 def brush_check(
-    files: Annotated[
-        list[str],
-        typer.Argument(metavar="FILE...", help="Brush files, .path.toml files, or names of shipped brushes."),
-    ],
+    files: Annotated[list[str], argument("FILE...", "Brush files, .path.toml files, or names of shipped brushes.")],
 ):
     """Check brushes and print every problem as `file:line: ...`."""
     from flockbrush.cli.level_commands import check_brushes
@@ -64,18 +58,11 @@ def brush_check(
 
 @brush_app.command("convert")
 def brush_convert(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Brush files with a `body` table.")],
-    species: Annotated[
-        str, typer.Option(metavar="NAME", help="Species to write in made_for; default: the species whose body fits.")
-    ] = "",
+    files: Annotated[list[Path], argument("FILE...", "Brush files with a `body` table.")],
+    species: Annotated[str, option("NAME", "Species to write in made_for; default: the species whose body fits.")] = "",
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FOLDER",
-            help="Folder for the converted files; default: the files are changed in place.",
-        ),
+        option("-o", "--output", "FOLDER", "Folder for the converted files; default: the files are changed in place."),
     ] = None,
 ):
     """Convert brushes with a `body` table to `made_for`; write a species file if no species has that body."""
@@ -86,53 +73,40 @@ def brush_convert(
 
 @brush_app.command("morph")
 def brush_morph(
-    start: Annotated[str, typer.Argument(metavar="A", help="First brush: a name or a .brush.toml file.")],
-    end: Annotated[str, typer.Argument(metavar="B", help="Second brush, of the same model.")],
+    start: Annotated[str, argument("A", "First brush: a name or a .brush.toml file.")],
+    end: Annotated[str, argument("B", "Second brush, of the same model.")],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o", "--output", metavar="FILE", help="Path file to write; default: A--B.path.toml in the current folder."
-        ),
+        option("-o", "--output", "FILE", "Path file to write; default: A--B.path.toml in the current folder."),
     ] = None,
     animals: Annotated[
         list[int] | None,
-        typer.Option(
+        option(
+            "N",
+            "Number of animals in each herd; default: 100. Repeat it for several sizes: steps are placed where "
+            "any of them changes.",
             min=3,
             max=100_000,
-            metavar="N",
-            help="Number of animals in each herd; default: 100. Repeat it for several sizes: steps are placed where "
-            "any of them changes.",
         ),
     ] = None,
     seeds: Annotated[
-        int,
-        typer.Option(
-            min=2, max=1000, metavar="N", help="Number of herds measured at each step; of larger herds fewer."
-        ),
+        int, option("N", "Number of herds measured at each step; of larger herds fewer.", min=2, max=1000)
     ] = 3,
     steps: Annotated[
-        int | None,
-        typer.Option(min=2, max=64, metavar="N", help="Number of steps of the path; default: those that paint takes."),
+        int | None, option("N", "Number of steps of the path; default: those that paint takes.", min=2, max=64)
     ] = None,
-    seconds: Annotated[
-        float, typer.Option(min=1, max=3600, metavar="S", help="Duration of each herd, simulated seconds.")
-    ] = 20.0,
+    seconds: Annotated[float, option("S", "Duration of each herd, simulated seconds.", min=1, max=3600)] = 20.0,
     wander: Annotated[
-        float,
-        typer.Option(
-            min=0, max=10, metavar="W", help="Random turning added along the path, rad/√s; zero at both ends."
-        ),
+        float, option("W", "Random turning added along the path, rad/√s; zero at both ends.", min=0, max=10)
     ] = 0.0,
     first: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME",
-            help="Parameters whose names begin so change in the first half of the path, all others in the second.",
+        option(
+            "NAME", "Parameters whose names begin so change in the first half of the path, all others in the second."
         ),
     ] = None,
     begin: Annotated[
-        FirstHeadings,
-        typer.Option(help="Start of the herds: random headings, a common heading, or a turning disc."),
+        FirstHeadings, option("Start of the herds: random headings, a common heading, or a turning disc.")
     ] = FirstHeadings.RANDOM,
 ):
     """Measure a path between two brushes along which behaviour changes evenly; compare it with the straight line.
@@ -150,12 +124,12 @@ def brush_morph(
 
 @brush_app.command("preview")
 def brush_preview(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Brush: a name or a .brush.toml file.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="PNG", help="Picture to write (.png).")],
-    agents: Annotated[int, typer.Option(min=1, max=100_000, metavar="N", help="Number of animals.")] = 200,
-    seconds: Annotated[float, typer.Option(min=0, max=3600, metavar="S", help="Duration, simulated seconds.")] = 30.0,
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Random seed.")] = 0,
-    start: Annotated[StartLayout, typer.Option(help="Arrangement of the animals at the start.")] = StartLayout.scatter,
+    name: Annotated[str, argument("NAME", "Brush: a name or a .brush.toml file.")],
+    output: Annotated[Path, option("-o", "--output", "PNG", "Picture to write (.png).")],
+    agents: Annotated[int, option("N", "Number of animals.", min=1, max=100_000)] = 200,
+    seconds: Annotated[float, option("S", "Duration, simulated seconds.", min=0, max=3600)] = 30.0,
+    seed: Annotated[int, option("K", "Random seed.", min=0, max=2**63 - 1)] = 0,
+    start: Annotated[StartLayout, option("Arrangement of the animals at the start.")] = StartLayout.scatter,
     theme: ThemeOption = ThemeName.light,
     palette: PaletteOption = PaletteName.own,
 ):

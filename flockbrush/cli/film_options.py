@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import Json, grouped
+from flockbrush.cli.shared_options import Json, argument, grouped, option
 
 
 class LiftMethod(str, enum.Enum):
@@ -20,20 +20,16 @@ class LiftMethod(str, enum.Enum):
 
 
 def track(
-    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Clip (video) of birds against the sky.")],
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Table of tracks to write: frame, id, x, y in pixels.")],
+    clip: Annotated[Path, argument("CLIP", "Clip (video) of birds against the sky.")],
+    out: Annotated[Path, option("FILE", "Table of tracks to write: frame, id, x, y in pixels.")],
     seed_points: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Table of known positions to start from: frame, id, x, y.")
+        Path | None, option("FILE", "Table of known positions to start from: frame, id, x, y.")
     ] = None,
     correct: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Table of corrected positions to track on from: frame, id, x, y."),
+        Path | None, option("FILE", "Table of corrected positions to track on from: frame, id, x, y.")
     ] = None,
     reach: Annotated[
-        float | None,
-        typer.Option(
-            min=1, metavar="PX", help="Largest distance between predicted and detected position of a bird, pixels."
-        ),
+        float | None, option("PX", "Largest distance between predicted and detected position of a bird, pixels.", min=1)
     ] = None,
     json: Json = False,
 ):
@@ -47,50 +43,40 @@ def track(
 class LiftWeights:
     """What a flight should be like, as `LiftWish` has it."""
 
-    smoothness: Annotated[float, typer.Option("--lambda-t", min=0, help="Weight λ_t of smooth paths.")] = 1.0
-    flock: Annotated[float, typer.Option("--lambda-f", min=0, help="Weight λ_f of alignment and cohesion.")] = 1.0
-    evenness: Annotated[float, typer.Option(min=0, help="Weight of a constant mean speed of the flock.")] = 1.0
+    smoothness: Annotated[float, option("--lambda-t", "Weight λ_t of smooth paths.", min=0)] = 1.0
+    flock: Annotated[float, option("--lambda-f", "Weight λ_f of alignment and cohesion.", min=0)] = 1.0
+    evenness: Annotated[float, option("Weight of a constant mean speed of the flock.", min=0)] = 1.0
     separation: Annotated[
-        float, typer.Option(min=0, max=1, help="Weight of separation between birds; only for a better appearance.")
+        float, option("Weight of separation between birds; only for a better appearance.", min=0, max=1)
     ] = 0.0
-    separation_distance: Annotated[
-        float, typer.Option(min=0, metavar="M", help="Distance below which separation acts, m.")
-    ] = 1.2
+    separation_distance: Annotated[float, option("M", "Distance below which separation acts, m.", min=0)] = 1.2
 
 
 @dataclass
 class FormationOptions:
     """A formation brush that is made of a flight."""
 
-    brush: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Formation brush to write as well, from the birds of one frame.")
-    ] = None
-    frame: Annotated[
-        int | None, typer.Option(metavar="N", help="Frame number for --brush; default: the middle frame.")
-    ] = None
-    wingspan: Annotated[
-        float | None, typer.Option(metavar="M", help="Wingspan of the birds for --brush, m; default: estimated.")
-    ] = None
+    brush: Annotated[Path | None, option("FILE", "Formation brush to write as well, from the birds of one frame.")] = (
+        None
+    )
+    frame: Annotated[int | None, option("N", "Frame number for --brush; default: the middle frame.")] = None
+    wingspan: Annotated[float | None, option("M", "Wingspan of the birds for --brush, m; default: estimated.")] = None
 
 
 @grouped
 def lift(
-    tracks: Annotated[Path, typer.Argument(metavar="TRACKS", help="Table of tracks: frame, id, x, y in pixels.")],
-    camera: Annotated[
-        Path, typer.Option(metavar="FILE", help="TOML file of the camera: width, height, horizontal_fov_deg, fps, ...")
-    ],
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Trajectory to write, CSV in metres.")],
+    tracks: Annotated[Path, argument("TRACKS", "Table of tracks: frame, id, x, y in pixels.")],
+    camera: Annotated[Path, option("FILE", "TOML file of the camera: width, height, horizontal_fov_deg, fps, ...")],
+    out: Annotated[Path, option("FILE", "Trajectory to write, CSV in metres.")],
     weights: LiftWeights = LiftWeights(),  # noqa: B008  its fields become the options
     near: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Smallest distance from the camera, m; default: from the camera file."),
+        float | None, option("M", "Smallest distance from the camera, m; default: from the camera file.")
     ] = None,
     far: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Largest distance from the camera, m; default: from the camera file."),
+        float | None, option("M", "Largest distance from the camera, m; default: from the camera file.")
     ] = None,
     method: Annotated[
-        LiftMethod, typer.Option(help="smooth: one global solve; cobyla: frame-by-frame descent of Lin's thesis.")
+        LiftMethod, option("smooth: one global solve; cobyla: frame-by-frame descent of Lin's thesis.")
     ] = LiftMethod.smooth,
     formation: FormationOptions = FormationOptions(),  # noqa: B008
     json: Json = False,

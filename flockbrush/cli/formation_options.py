@@ -9,18 +9,32 @@ from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import Json, LevelName, Seed, ThemeName, ThemeOption, grouped
+from flockbrush.cli.shared_options import (
+    Frames,
+    Json,
+    LevelName,
+    Seed,
+    ThemeName,
+    ThemeOption,
+    WindowSize,
+    WindowTheme,
+    argument,
+    grouped,
+    option,
+)
+
+Pictures = Annotated[list[Path], argument("IMAGES|CLIP...", "Pictures or a video of birds on a plain sky.")]
+Every = Annotated[int, option("K", "Use every K-th frame of a video.", min=1)]
+FormationFile = Annotated[Path, argument("X.json", "Formation file made by extract.")]
 
 formation_app = typer.Typer(help="Detect, extract and fly line formations of birds.", no_args_is_help=True)
 
 
 @formation_app.command("detect")
 def formation_detect(
-    files: Annotated[
-        list[Path], typer.Argument(metavar="IMAGES|CLIP...", help="Pictures or a video of birds on a plain sky.")
-    ],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="MARKS.csv", help="Table of marked birds to write.")],
-    every: Annotated[int, typer.Option(min=1, metavar="K", help="Use every K-th frame of a video.")] = 1,
+    files: Pictures,
+    out: Annotated[Path, option("-o", "--out", "MARKS.csv", "Table of marked birds to write.")],
+    every: Every = 1,
     json: Json = False,
 ):
     """Detect birds on a plain sky, track them from frame to frame, and write their positions."""
@@ -31,23 +45,15 @@ def formation_detect(
 
 @formation_app.command("mark")
 def formation_mark(
-    files: Annotated[
-        list[Path], typer.Argument(metavar="IMAGES|CLIP...", help="Pictures or a video of birds on a plain sky.")
-    ],
+    files: Pictures,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "-o", "--out", metavar="MARKS.csv", help="Table of marked birds to write; existing marks are loaded first."
-        ),
+        option("-o", "--out", "MARKS.csv", "Table of marked birds to write; existing marks are loaded first."),
     ] = None,
-    every: Annotated[int, typer.Option(min=1, metavar="K", help="Use every K-th frame of a video.")] = 1,
-    theme: Annotated[
-        ThemeName | None, typer.Option(help="Colours of the window; default: those of the last session.")
-    ] = None,
-    size: Annotated[str, typer.Option(metavar="WxH", help="Window size, pixels.")] = "1280x720",
-    frames: Annotated[
-        int | None, typer.Option(min=0, metavar="N", help="Close the window after N drawn frames.")
-    ] = None,
+    every: Every = 1,
+    theme: WindowTheme = None,
+    size: WindowSize = "1280x720",
+    frames: Frames = None,
 ):
     """Open a window to correct detected birds by clicks, frame by frame; it shows their formation."""
     from flockbrush.studio.start_marking import mark_birds
@@ -58,26 +64,21 @@ def formation_mark(
 @formation_app.command("extract")
 def formation_extract(
     marks: Annotated[
-        Path,
-        typer.Argument(
-            metavar="MARKS.csv", help="Table with the columns frame, bird and x_px, y_px (or x_b, y_b in wingspans)."
-        ),
+        Path, argument("MARKS.csv", "Table with the columns frame, bird and x_px, y_px (or x_b, y_b in wingspans).")
     ],
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="X.json", help="Formation file to write.")] = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Picture to write, with birds, leader, outliers and curve.")
-    ] = None,
+    out: Annotated[Path | None, option("-o", "--out", "X.json", "Formation file to write.")] = None,
+    plot: Annotated[Path | None, option("PNG", "Picture to write, with birds, leader, outliers and curve.")] = None,
     heading: Annotated[
         str | None,
-        typer.Option(
-            metavar="WAY",
-            help="Heading of the birds: up, down, left, right, degrees, or auto (estimated from the shape). "
+        option(
+            "WAY",
+            "Heading of the birds: up, down, left, right, degrees, or auto (estimated from the shape). "
             "Default: auto for marks in pixels, up for marks in wingspans.",
         ),
     ] = None,
-    wingspan: Annotated[float | None, typer.Option(metavar="PX", help="Wingspan, pixels.")] = None,
+    wingspan: Annotated[float | None, option("PX", "Wingspan, pixels.")] = None,
     samples: Annotated[
-        int | None, typer.Option(min=1, max=10**6, metavar="K", help="Number of RANSAC samples; default: all samples.")
+        int | None, option("K", "Number of RANSAC samples; default: all samples.", min=1, max=10**6)
     ] = None,
     json: Json = False,
 ):
@@ -98,22 +99,16 @@ class ShapeName(str, enum.Enum):
 
 @formation_app.command("initiate")
 def formation_initiate(
-    shape: Annotated[list[ShapeName] | None, typer.Option(help="Shape; may be repeated. Default: all.")] = None,
+    shape: Annotated[list[ShapeName] | None, option("Shape; may be repeated. Default: all.")] = None,
     birds: Annotated[
-        list[int] | None,
-        typer.Option(min=2, max=300, metavar="N", help="Number of birds; may be repeated. Default: 9, 14, 16, 28, 41."),
+        list[int] | None, option("N", "Number of birds; may be repeated. Default: 9, 14, 16, 28, 41.", min=2, max=300)
     ] = None,
-    runs: Annotated[
-        int, typer.Option(min=1, max=10_000, metavar="K", help="Number of flocks of each shape and size.")
-    ] = 20,
-    seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed of the first flock.")] = 2000,
+    runs: Annotated[int, option("K", "Number of flocks of each shape and size.", min=1, max=10_000)] = 20,
+    seed: Annotated[int, option("K", "Random seed of the first flock.", min=0, max=2**31)] = 2000,
     ablate: Annotated[
-        bool,
-        typer.Option(
-            "--ablate", help="Also test without each rule, one at a time, and without all additions to the paper."
-        ),
+        bool, option("--ablate", "Also test without each rule, one at a time, and without all additions to the paper.")
     ] = (False),
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="CSV", help="Table to write.")] = None,
+    out: Annotated[Path | None, option("-o", "--out", "CSV", "Table to write.")] = None,
     json: Json = False,
 ):
     """Simulate how scattered birds form up, many times; print how many flocks converge and how fast."""
@@ -124,9 +119,9 @@ def formation_initiate(
 
 @formation_app.command("brush")
 def formation_brush(
-    formation: Annotated[Path, typer.Argument(metavar="X.json", help="Formation file made by extract.")],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="NAME.brush.toml", help="Brush file to write.")],
-    like: Annotated[str, typer.Option(metavar="BRUSH", help="Brush to take speed, body and wingspan from.")] = "geese",
+    formation: FormationFile,
+    out: Annotated[Path, option("-o", "--out", "NAME.brush.toml", "Brush file to write.")],
+    like: Annotated[str, option("BRUSH", "Brush to take speed, body and wingspan from.")] = "geese",
 ):
     """Make a brush with the shape, slope, spacing and deviation of a formation."""
     from flockbrush.cli.formation_commands import make_brush
@@ -137,13 +132,8 @@ def formation_brush(
 @formation_app.command("film")
 def formation_film(
     level: LevelName,
-    out: Annotated[
-        Path,
-        typer.Option(
-            "-o", "--out", metavar="MP4", help="Video to write (.mp4), or a picture of the last frame (.png)."
-        ),
-    ],
-    seconds: Annotated[float, typer.Option(min=0.1, max=3600, metavar="S", help="Duration, simulated seconds.")] = 60.0,
+    out: Annotated[Path, option("-o", "--out", "MP4", "Video to write (.mp4), or a picture of the last frame (.png).")],
+    seconds: Annotated[float, option("S", "Duration, simulated seconds.", min=0.1, max=3600)] = 60.0,
     seed: Seed = None,
     theme: ThemeOption = ThemeName.light,
 ):
@@ -165,34 +155,31 @@ class FlightOptions:
     """A flight of a formation, as a person asked for it."""
 
     birds: Annotated[
-        int | None,
-        typer.Option(min=2, max=500, metavar="N", help="Number of birds; default: the number of marked birds."),
+        int | None, option("N", "Number of birds; default: the number of marked birds.", min=2, max=500)
     ] = None
-    frames: Annotated[int, typer.Option(min=1, max=10**6, metavar="F", help="Number of frames.")] = 250
-    fps: Annotated[float, typer.Option(min=0.1, max=1000, metavar="F", help="Frames per second.")] = 25.0
-    seed: Annotated[int, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Random seed.")] = 0
-    left: Annotated[int | None, typer.Option(min=0, metavar="K", help="Number of birds left of the leader.")] = None
-    exchange: Annotated[bool, typer.Option("--exchange", help="Exchange the left and the right side.")] = False
+    frames: Annotated[int, option("F", "Number of frames.", min=1, max=10**6)] = 250
+    fps: Annotated[float, option("F", "Frames per second.", min=0.1, max=1000)] = 25.0
+    seed: Annotated[int, option("K", "Random seed.", min=0, max=2**63 - 1)] = 0
+    left: Annotated[int | None, option("K", "Number of birds left of the leader.", min=0)] = None
+    exchange: Annotated[bool, option("--exchange", "Exchange the left and the right side.")] = False
     method: Annotated[
-        KeyShapes, typer.Option(help="Solver: levenberg-marquardt (the paper's) or proximal (always finds a solution).")
+        KeyShapes, option("Solver: levenberg-marquardt (the paper's) or proximal (always finds a solution).")
     ] = KeyShapes.proximal
     epsilon: Annotated[
-        float, typer.Option(min=0, max=1, help="Largest deviation of the savings from the range in the example.")
+        float, option("Largest deviation of the savings from the range in the example.", min=0, max=1)
     ] = 0.1
     lateral: Annotated[
-        bool, typer.Option(help="Lateral distances vary as in the example; with --no-lateral they are constant.")
+        bool, option("Lateral distances vary as in the example; with --no-lateral they are constant.")
     ] = True
 
 
 @formation_app.command("fly")
 @grouped
 def formation_fly(
-    formation: Annotated[Path, typer.Argument(metavar="X.json", help="Formation file made by extract.")],
+    formation: FormationFile,
     flight: FlightOptions = FlightOptions(),  # noqa: B008  its fields become the options
-    out: Annotated[Path | None, typer.Option("-o", "--out", metavar="CSV", help="Trajectory to write.")] = None,
-    plot: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Picture to write, with six frames of the flight.")
-    ] = None,
+    out: Annotated[Path | None, option("-o", "--out", "CSV", "Trajectory to write.")] = None,
+    plot: Annotated[Path | None, option("PNG", "Picture to write, with six frames of the flight.")] = None,
     json: Json = False,
 ):
     """Fly a formation with any number of birds, and report whether spacing and savings stay within their ranges."""

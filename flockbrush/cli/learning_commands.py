@@ -10,11 +10,20 @@ from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import TrackFps, TrackOptions, TrackUnit, WorkOptions, grouped, unit_of
+from flockbrush.cli.shared_options import (
+    Json,
+    TrackFps,
+    TrackOptions,
+    TrackUnit,
+    WorkOptions,
+    argument,
+    grouped,
+    option,
+    unit_of,
+)
 from flockbrush.film.looking import LENGTHS_PX, Looking
 
 PARTS = ("occlusion", "angular", "density", "variance")
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 
 
 @dataclass
@@ -33,52 +42,37 @@ class WrittenOptions:
 class ClipOptions(WrittenOptions):
     """Options of all commands that read a clip, as given on the command line."""
 
-    frames: Annotated[
-        str | None, typer.Option(metavar="A:B", help="First and last frame to use, both included, such as 0:99.")
-    ] = None
+    frames: Annotated[str | None, option("A:B", "First and last frame to use, both included, such as 0:99.")] = None
     landmark: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="FRAME:x,y,w,h",
-            help="Rectangle around something that does not move, pixels; needed in two frames.",
-        ),
+        option("FRAME:x,y,w,h", "Rectangle around something that does not move, pixels; needed in two frames."),
     ] = None
-    body_colour: Annotated[
-        str, typer.Option(metavar="R,G,B", help="Colour of the animals, 0 to 255 each; auto: detected.")
-    ] = "auto"
+    body_colour: Annotated[str, option("R,G,B", "Colour of the animals, 0 to 255 each; auto: detected.")] = "auto"
     body_length_px: Annotated[
         float | None,
-        typer.Option(
+        option(
+            "L",
+            "Body length of an animal, nose to tail, pixels; default: measured.",
             min=LENGTHS_PX[0],
             max=LENGTHS_PX[1],
-            metavar="L",
-            help="Body length of an animal, nose to tail, pixels; default: measured.",
         ),
     ] = None
-    grid: Annotated[
-        int, typer.Option(min=5, max=200, metavar="N", help="Number of cells across the width of the picture.")
-    ] = 30
+    grid: Annotated[int, option("N", "Number of cells across the width of the picture.", min=5, max=200)] = 30
     obstacles: Annotated[
-        Path | None,
-        typer.Option(metavar="PNG", help="Obstacle mask for the first used frame; white: animals cannot go there."),
+        Path | None, option("PNG", "Obstacle mask for the first used frame; white: animals cannot go there.")
     ] = None
 
     unit: TrackUnit = None
     fps: TrackFps = None
     body_length_m: Annotated[
         float | None,
-        typer.Option(
-            min=0.001,
-            max=50,
-            metavar="M",
-            help="Body length of an animal, nose to tail, m; default: as tracks say, else 1.",
-        ),
+        option("M", "Body length of an animal, nose to tail, m; default: as tracks say, else 1.", min=0.001, max=50),
     ] = None
     arena: Annotated[
         str | None,
-        typer.Option(
-            metavar="SHAPE",
-            help="Wall around tracked animals: circle or rectangle (the smallest that holds them), circle:X,Y,R or "
+        option(
+            "SHAPE",
+            "Wall around tracked animals: circle or rectangle (the smallest that holds them), circle:X,Y,R or "
             "rectangle:X0,Y0,X1,Y1 in the unit of the tracks.",
         ),
     ] = None
@@ -96,10 +90,9 @@ class ClipOptions(WrittenOptions):
 class LookByRegion(ClipOptions):
     """The options of clips, and a mask of regions."""
 
-    regions: Annotated[
-        Path | None,
-        typer.Option(metavar="PNG", help="Region mask for the first used frame; each colour is a region."),
-    ] = None
+    regions: Annotated[Path | None, option("PNG", "Region mask for the first used frame; each colour is a region.")] = (
+        None
+    )
 
 
 @dataclass
@@ -108,63 +101,43 @@ class FitOptions(WrittenOptions):
 
     share: Annotated[
         float,
-        typer.Option(
-            min=0.1,
-            max=1,
-            metavar="S",
-            help="Share of the frames of one clip to learn from; the rest is held out for the test.",
+        option(
+            "S", "Share of the frames of one clip to learn from; the rest is held out for the test.", min=0.1, max=1
         ),
     ] = 0.5
     speed: Annotated[
-        float | None,
-        typer.Option(min=0, max=50, metavar="V", help="Speed of the animals in a photograph, body lengths/s."),
+        float | None, option("V", "Speed of the animals in a photograph, body lengths/s.", min=0, max=50)
     ] = None
     beta: Annotated[
         float,
-        typer.Option(
-            min=0,
-            max=1,
-            metavar="B",
-            help="Weight in the loss when learning from fields alone: 1 density only, 0 motion only.",
-        ),
+        option("B", "Weight in the loss when learning from fields alone: 1 density only, 0 motion only.", min=0, max=1),
     ] = 0.5
-    seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed.")] = 0
+    seed: Annotated[int, option("K", "Random seed.", min=0, max=2**31)] = 0
     starts: Annotated[
         int,
-        typer.Option(
-            min=1,
-            max=100,
-            metavar="N",
-            help="Number of random starts of the search of the herd model; with --quick at most 2.",
-        ),
+        option("N", "Number of random starts of the search of the herd model; with --quick at most 2.", min=1, max=100),
     ] = 5
     model: Annotated[
         str,
-        typer.Option(
-            metavar="NAME",
-            help="Model to learn: herd, zones, morse, force_map, topological, boids or another on the ground; "
+        option(
+            "NAME",
+            "Model to learn: herd, zones, morse, force_map, topological, boids or another on the ground; "
             "auto: chosen from the clip.",
         ),
     ] = "auto"
     ablate: Annotated[
         str | None,
-        typer.Option(
-            metavar="PARTS",
-            help="Also learn without each of these parts, separated by commas: occlusion, angular, density, variance.",
+        option(
+            "PARTS",
+            "Also learn without each of these parts, separated by commas: occlusion, angular, density, variance.",
         ),
     ] = None
-    licence: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Licence of the clip, stored in the provenance of the brush.")
-    ] = None
-    resume: Annotated[bool, typer.Option("--resume", help="Continue after an interruption.")] = False
-    quick: Annotated[bool, typer.Option("--quick", help="Fast, less exact search: two starts, fewer steps.")] = False
-    thorough: Annotated[bool, typer.Option("--thorough", help="Search with four times as much work.")] = False
+    licence: Annotated[str | None, option("TEXT", "Licence of the clip, stored in the provenance of the brush.")] = None
+    resume: Annotated[bool, option("--resume", "Continue after an interruption.")] = False
+    quick: Annotated[bool, option("--quick", "Fast, less exact search: two starts, fewer steps.")] = False
+    thorough: Annotated[bool, option("--thorough", "Search with four times as much work.")] = False
     device: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="Device for learning from fields alone: cpu, cuda, cuda:0, or auto (the best available).",
-        ),
+        str, option("NAME", "Device for learning from fields alone: cpu, cuda, cuda:0, or auto (the best available).")
     ] = "auto"
 
 
@@ -246,22 +219,19 @@ def parts_of(text: str | None) -> tuple[str, ...]:
         if part not in PARTS:
             from flockbrush.engine.problems import did_you_mean
 
-            raise typer.BadParameter(
-                f"unknown part {part!r}{did_you_mean(part, PARTS)}",
-                param_hint="--ablate",
-            )
+            raise typer.BadParameter(f"unknown part {part!r}{did_you_mean(part, PARTS)}", param_hint="--ablate")
     return tuple(dict.fromkeys(names))
 
 
 def command_line(name: str, arguments, options: dict) -> str:
     """The command line that repeats this call; options at their default are left out."""
     words = ["flockbrush", name, *map(str, arguments)]
-    for option, value in options.items():
+    for flag, value in options.items():
         for one in value if isinstance(value, list) else [value]:
             if one is True:
-                words.append(option)
+                words.append(flag)
             elif one is not None and one is not False:
-                words += [option, str(one)]
+                words += [flag, str(one)]
     return shlex.join(words)
 
 
@@ -271,11 +241,10 @@ def command_line(name: str, arguments, options: dict) -> str:
 @grouped
 def learn(
     clips: Annotated[
-        list[Path],
-        typer.Argument(metavar="CLIP", help="Clips (videos or tracks) of one herd from above, or one photograph."),
+        list[Path], argument("CLIP", "Clips (videos or tracks) of one herd from above, or one photograph.")
     ],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="X.brush.toml", help="Brush file to write.")],
-    report: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for an HTML report with pictures.")] = None,
+    out: Annotated[Path, option("-o", "--out", "X.brush.toml", "Brush file to write.")],
+    report: Annotated[Path | None, option("DIR", "Folder for an HTML report with pictures.")] = None,
     look: LookByRegion = LookByRegion(),  # noqa: B008  its fields become the options
     fit: FitOptions = FitOptions(),  # noqa: B008
     work: WorkOptions = WorkOptions(),  # noqa: B008
@@ -311,19 +280,14 @@ def learn(
 
 @grouped
 def reenact(
-    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Clip (video or tracks) of a herd from above.")],
-    brush: Annotated[str, typer.Option(metavar="NAME", help="Brush: a name or a .brush.toml file.")],
+    clip: Annotated[Path, argument("CLIP", "Clip (video or tracks) of a herd from above.")],
+    brush: Annotated[str, option("NAME", "Brush: a name or a .brush.toml file.")],
     look: ClipOptions = ClipOptions(),  # noqa: B008  its fields become the options
-    runs: Annotated[
-        int, typer.Option(min=1, max=100, metavar="N", help="Number of simulations, each with its own random seed.")
-    ] = 3,
-    seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed of the first simulation.")] = 0,
-    export: Annotated[
-        Path | None, typer.Option(metavar="F.csv", help="Trajectory to write, one row per animal and frame.")
-    ] = None,
+    runs: Annotated[int, option("N", "Number of simulations, each with its own random seed.", min=1, max=100)] = 3,
+    seed: Annotated[int, option("K", "Random seed of the first simulation.", min=0, max=2**31)] = 0,
+    export: Annotated[Path | None, option("F.csv", "Trajectory to write, one row per animal and frame.")] = None,
     video: Annotated[
-        Path | None,
-        typer.Option(metavar="F.mp4", help="Video to write: clip on the left, simulation on the right, same scale."),
+        Path | None, option("F.mp4", "Video to write: clip on the left, simulation on the right, same scale.")
     ] = None,
     json: Json = False,
 ):
@@ -338,13 +302,11 @@ def reenact(
 
 @grouped
 def relation(
-    tracks: Annotated[list[Path], typer.Argument(metavar="TRACKS", help="Files of tracks of the herd and the danger.")],
-    danger: Annotated[str, typer.Option(metavar="ID", help="Id of the animal that the others may fear.")],
-    leave_out: Annotated[
-        list[str] | None, typer.Option(metavar="ID", help="Id to ignore, such as a shepherd; may be repeated.")
-    ] = None,
+    tracks: Annotated[list[Path], argument("TRACKS", "Files of tracks of the herd and the danger.")],
+    danger: Annotated[str, option("ID", "Id of the animal that the others may fear.")],
+    leave_out: Annotated[list[str] | None, option("ID", "Id to ignore, such as a shepherd; may be repeated.")] = None,
     look: TrackOptions = TrackOptions(),  # noqa: B008  its fields become the options
-    seed: Annotated[int, typer.Option(min=0, max=2**31, metavar="K", help="Random seed of the bootstrap.")] = 0,
+    seed: Annotated[int, option("K", "Random seed of the bootstrap.", min=0, max=2**31)] = 0,
     json: Json = False,
 ):
     """Measure from tracks at what distance and how strongly a herd reacts to one animal, such as a dog."""
@@ -358,11 +320,9 @@ def relation(
 
 @grouped
 def measure(
-    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Clip (video) of a herd from above, or a photograph.")],
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="F.npz", help="Fields file to write.")],
-    preview: Annotated[
-        Path | None, typer.Option(metavar="F.mp4", help="Video to write: detected bodies, motion and density.")
-    ] = None,
+    clip: Annotated[Path, argument("CLIP", "Clip (video) of a herd from above, or a photograph.")],
+    out: Annotated[Path, option("-o", "--out", "F.npz", "Fields file to write.")],
+    preview: Annotated[Path | None, option("F.mp4", "Video to write: detected bodies, motion and density.")] = None,
     look: LookByRegion = LookByRegion(),  # noqa: B008  its fields become the options
     json: Json = False,
 ):

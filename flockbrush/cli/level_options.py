@@ -7,15 +7,25 @@ from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import Agents, LevelName, PaletteName, PaletteOption, Seed, ThemeName, ThemeOption
+from flockbrush.cli.shared_options import (
+    Agents,
+    LevelName,
+    PaletteName,
+    PaletteOption,
+    Seed,
+    ThemeName,
+    ThemeOption,
+    argument,
+    option,
+)
 
 level_app = typer.Typer(help="Check, draw and create levels.", no_args_is_help=True)
 
 
 @level_app.command("check")
 def level_check(
-    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Level files, or names of shipped levels.")],
-    window: Annotated[bool, typer.Option("--window", help="Also show the result in a window (F6 in Tiled).")] = False,
+    files: Annotated[list[str], argument("FILE...", "Level files, or names of shipped levels.")],
+    window: Annotated[bool, option("--window", "Also show the result in a window (F6 in Tiled).")] = False,
 ):
     """Check levels and print every problem as `file:line: ...`."""
     from flockbrush.cli.level_commands import check_levels
@@ -26,10 +36,8 @@ def level_check(
 @level_app.command("render")
 def level_render(
     level: LevelName,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="PNG", help="Picture to write (.png).")],
-    seconds: Annotated[
-        float, typer.Option(min=0, metavar="S", help="Time of the picture, simulated seconds after the start.")
-    ] = 0.0,
+    output: Annotated[Path, option("-o", "--output", "PNG", "Picture to write (.png).")],
+    seconds: Annotated[float, option("S", "Time of the picture, simulated seconds after the start.", min=0)] = 0.0,
     seed: Seed = None,
     agents: Agents = None,
     theme: ThemeOption = ThemeName.light,
@@ -42,9 +50,7 @@ def level_render(
 
 
 @level_app.command("init")
-def level_init(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to create or update.")],
-):
+def level_init(folder: Annotated[Path, argument("DIR", "Folder to create or update.")]):
     """Create a folder for levels: a Tiled project with the Flockbrush classes, tilesets and an example level."""
     from flockbrush.cli.level_commands import init_levels
 
@@ -53,16 +59,11 @@ def level_init(
 
 @level_app.command("adopt")
 def level_adopt(
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="Tiled map, .tmx or .tmj; it is not changed.")],
+    map_file: Annotated[Path, argument("MAP", "Tiled map, .tmx or .tmj; it is not changed.")],
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", metavar="NEW", help="Level to write (.tmj); default: beside the map, with its name."
-        ),
+        Path | None, option("-o", "--output", "NEW", "Level to write (.tmj); default: beside the map, with its name.")
     ] = None,
-    metres: Annotated[
-        float, typer.Option("--metres-per-tile", min=0.001, max=1000, metavar="M", help="Size of a tile, m.")
-    ] = 1.0,
+    metres: Annotated[float, option("--metres-per-tile", "M", "Size of a tile, m.", min=0.001, max=1000)] = 1.0,
 ):
     """Make a level from a Tiled map: add the Flockbrush layers and properties; existing layers are kept."""
     from flockbrush.cli.level_commands import adopt_map

@@ -38,8 +38,10 @@ from flockbrush.cli.shared_options import (
     ThemeOption,
     Threads,
     TrackOptions,
+    argument,
     given_options,
     grouped,
+    option,
     refuse_unused,
 )
 from flockbrush.cli.study_options import is_tracks, measure, sweep
@@ -73,7 +75,7 @@ def _version(wanted: bool):
 @app.callback()
 def _common(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+        bool, option("--version", "Print the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ):
     pass
@@ -84,8 +86,8 @@ def _common(
 
 @app.command()
 def demo(
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Video file to write (.mp4).")] = Path("demo.mp4"),
-    seconds: Annotated[float, typer.Option(min=0, metavar="S", help="Duration, simulated seconds.")] = RUN_SECONDS,
+    out: Annotated[Path, option("FILE", "Video file to write (.mp4).")] = Path("demo.mp4"),
+    seconds: Annotated[float, option("S", "Duration, simulated seconds.", min=0)] = RUN_SECONDS,
     record: RecordFile = None,
     threads: Threads = None,
     theme: ThemeOption = ThemeName.light,
@@ -167,10 +169,8 @@ def serve(service: ServeOptions):
 @app.command()
 def replay(
     recording: RecordingPath,
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Compare the state after every tick with the recording.")
-    ] = False,
-    to_tick: Annotated[int | None, typer.Option(min=0, metavar="N", help="Last tick to replay.")] = None,
+    verify: Annotated[bool, option("--verify", "Compare the state after every tick with the recording.")] = False,
+    to_tick: Annotated[int | None, option("N", "Last tick to replay.", min=0)] = None,
     report: ReportFolder = None,
     threads: Threads = None,
     json: Json = False,
@@ -193,13 +193,10 @@ def replay(
 def export(
     context: typer.Context,
     recording: RecordingPath,
-    to: Annotated[
-        list[Path],
-        typer.Option("--to", metavar="FILE", help="File to write; may be repeated."),
-    ],
+    to: Annotated[list[Path], option("--to", "FILE", "File to write; may be repeated.")],
     fps: Fps = None,
     edits: Annotated[
-        bool, typer.Option("--edits/--no-edits", help="Apply the edits stored beside the recording (flockbrush edit).")
+        bool, option("--edits/--no-edits", "Apply the edits stored beside the recording (flockbrush edit).")
     ] = True,
     threads: Threads = None,
     json: Json = False,
@@ -234,7 +231,7 @@ class FileKind(str, enum.Enum):
 
 
 @app.command()
-def schema(kind: Annotated[FileKind, typer.Argument(metavar="brush|level|sweep", help="File format.")]):
+def schema(kind: Annotated[FileKind, argument("brush|level|sweep", "File format.")]):
     """Print the JSON schema of a file format. Editors use it to complete names and show units and bounds."""
     from flockbrush.cli.json_schemas import SCHEMAS
 
@@ -243,16 +240,11 @@ def schema(kind: Annotated[FileKind, typer.Argument(metavar="brush|level|sweep",
 
 @app.command()
 def bench(
-    agents: Annotated[
-        list[int] | None, typer.Option(min=1, metavar="N", help="Number of animals; may be repeated.")
-    ] = None,
-    large: Annotated[bool, typer.Option("--large", help="Also time 100,000 animals.")] = False,
-    ticks: Annotated[
-        int, typer.Option(min=2, max=100_000, metavar="N", help="Number of timed ticks, after the warm-up.")
-    ] = 60,
+    agents: Annotated[list[int] | None, option("N", "Number of animals; may be repeated.", min=1)] = None,
+    large: Annotated[bool, option("--large", "Also time 100,000 animals.")] = False,
+    ticks: Annotated[int, option("N", "Number of timed ticks, after the warm-up.", min=2, max=100_000)] = 60,
     threads: Annotated[
-        list[int] | None,
-        typer.Option(min=1, max=1024, metavar="N", help="Number of threads; may be repeated. Default: 1 and 2."),
+        list[int] | None, option("N", "Number of threads; may be repeated. Default: 1 and 2.", min=1, max=1024)
     ] = None,
     json: Json = False,
 ):
@@ -273,14 +265,12 @@ def doctor(json: Json = False):
 
 @app.command("build-wheel")
 def build_wheel(
-    out: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to write the wheel to.")] = Path("dist"),
+    out: Annotated[Path, argument("FOLDER", "Folder to write the wheel to.")] = Path("dist"),
     level: Annotated[
-        list[str] | None,
-        typer.Option(metavar="LEVEL", help="Level whose kernels are compiled; may be repeated. Default: meadow."),
+        list[str] | None, option("LEVEL", "Level whose kernels are compiled; may be repeated. Default: meadow.")
     ] = None,
     cpu: Annotated[
-        list[str] | None,
-        typer.Option(metavar="CPU", help="Target CPU, x86-64-v4 or x86-64-v3; may be repeated. Default: both."),
+        list[str] | None, option("CPU", "Target CPU, x86-64-v4 or x86-64-v3; may be repeated. Default: both.")
     ] = None,
 ):
     """Build a wheel of this checkout that contains compiled kernels."""

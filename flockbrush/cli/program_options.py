@@ -6,14 +6,14 @@ from typing import Annotated
 
 import typer
 
-from flockbrush.cli.shared_options import Events, Json
+from flockbrush.cli.shared_options import Events, Json, argument, option
 
 program_app = typer.Typer(
     help="List, show, check and test programs: states of animals and the triggers between them.", no_args_is_help=True
 )
 
 
-ProgramName = Annotated[str, typer.Argument(metavar="NAME", help="Program: a name or a .program.toml file.")]
+ProgramName = Annotated[str, argument("NAME", "Program: a name or a .program.toml file.")]
 
 
 @program_app.command("list")
@@ -33,9 +33,7 @@ def program_show(name: ProgramName, json: Json = False):
 
 
 @program_app.command("check")
-def program_check(
-    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Program files, or names of shipped programs.")],
-):
+def program_check(files: Annotated[list[str], argument("FILE...", "Program files, or names of shipped programs.")]):
     """Check programs and print every problem as `file:line: ...`."""
     from flockbrush.cli.program_cli import check_programs
 
@@ -45,18 +43,12 @@ def program_check(
 @program_app.command("test")
 def program_test(
     name: ProgramName,
-    animals: Annotated[
-        int, typer.Option(min=1, max=100_000, metavar="N", help="Number of animals that follow the program.")
-    ] = 100,
-    seconds: Annotated[float, typer.Option(min=0, max=3600, metavar="S", help="Duration, simulated seconds.")] = 60.0,
-    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, metavar="K", help="Random seed.")] = 0,
-    species: Annotated[str, typer.Option(metavar="NAME", help="Species of the animals; default: sheep, if able.")] = "",
+    animals: Annotated[int, option("N", "Number of animals that follow the program.", min=1, max=100_000)] = 100,
+    seconds: Annotated[float, option("S", "Duration, simulated seconds.", min=0, max=3600)] = 60.0,
+    seed: Annotated[int, option("K", "Random seed.", min=0, max=2**31 - 1)] = 0,
+    species: Annotated[str, option("NAME", "Species of the animals; default: sheep, if able.")] = "",
     intruder: Annotated[
-        str,
-        typer.Option(
-            metavar="SPECIES:BRUSH",
-            help="Animal that arrives after 5 s, 40 m west of the herd, such as wolf:wolf-hunt.",
-        ),
+        str, option("SPECIES:BRUSH", "Animal that arrives after 5 s, 40 m west of the herd, such as wolf:wolf-hunt.")
     ] = "",
     event: Events = None,
     json: Json = False,

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from flockbrush.cli.shared_options import (
     Agents,
+    BrushOfAll,
     Events,
     Fps,
+    Frames,
     Json,
     LevelName,
     PaletteName,
@@ -19,8 +19,10 @@ from flockbrush.cli.shared_options import (
     ReportFolder,
     Seconds,
     Seed,
-    ThemeName,
     Threads,
+    WindowSize,
+    WindowTheme,
+    option,
 )
 from flockbrush.film.looking import MODES
 
@@ -30,26 +32,18 @@ class PlayOptions:
     """The options of the playground."""
 
     level: LevelName = "meadow"
-    brush: Annotated[str | None, typer.Option(metavar="NAME", help="Name of the brush selected at the start.")] = None
+    brush: Annotated[str | None, option("NAME", "Name of the brush selected at the start.")] = None
     seed: Seed = None
     agents: Agents = None
     record: RecordFile = None
-    theme: Annotated[
-        ThemeName | None, typer.Option(help="Colours of the window; default: those of the last session.")
-    ] = None
-    palette: Annotated[
-        PaletteName | None, typer.Option(help="Colours of brushes; default: those of the last session.")
-    ] = None
-    size: Annotated[str, typer.Option(metavar="WxH", help="Window size, pixels.")] = "1280x720"
+    theme: WindowTheme = None
+    palette: Annotated[PaletteName | None, option("Colours of brushes; default: those of the last session.")] = None
+    size: WindowSize = "1280x720"
     text_size: Annotated[
         float | None,
-        typer.Option(
-            "--text-size", min=50, max=300, metavar="PERCENT", help="Size of text and buttons, percent; 100 is normal."
-        ),
+        option("--text-size", "PERCENT", "Size of text and buttons, percent; 100 is normal.", min=50, max=300),
     ] = None
-    frames: Annotated[int | None, typer.Option(min=0, metavar="N", help="Close the window after N drawn frames.")] = (
-        None
-    )
+    frames: Frames = None
 
 
 @dataclass
@@ -58,23 +52,15 @@ class MarkOptions:
 
     clip: Annotated[
         Path | None,
-        typer.Option(
-            metavar="CLIP", help="Open a clip to mark instead of a level; 'sky' opens an empty sky to sketch a flock."
-        ),
+        option("CLIP", "Open a clip to mark instead of a level; 'sky' opens an empty sky to sketch a flock."),
     ] = None
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the marks of --clip; default: the current folder.")
-    ] = None
+    out: Annotated[Path | None, option("DIR", "Folder for the marks of --clip; default: the current folder.")] = None
     tracks: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Tracks of the birds in the clip, as written by `flockbrush track`."),
+        Path | None, option("FILE", "Tracks of the birds in the clip, as written by `flockbrush track`.")
     ] = None
-    camera: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="TOML file of the camera that filmed the clip or the tracks.")
-    ] = None
+    camera: Annotated[Path | None, option("FILE", "TOML file of the camera that filmed the clip or the tracks.")] = None
     mode: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help=f"Mode to open the clip in: {', '.join(MODES[:-1])} or {MODES[-1]}."),
+        str | None, option("NAME", f"Mode to open the clip in: {', '.join(MODES[:-1])} or {MODES[-1]}.")
     ] = None
 
 
@@ -83,40 +69,25 @@ class RunRequest:
     """The options of a run."""
 
     level: LevelName
-    ticks: Annotated[int | None, typer.Option(min=0, metavar="N", help="Duration, ticks of 1/32 s.")] = None
+    ticks: Annotated[int | None, option("N", "Duration, ticks of 1/32 s.", min=0)] = None
     seconds: Seconds = None
     seed: Seed = None
     agents: Agents = None
     record: RecordFile = None
     export: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="File to write (formats: flockbrush export --help); may be repeated."),
+        list[Path] | None, option("FILE", "File to write (formats: flockbrush export --help); may be repeated.")
     ] = None
     event: Events = None
-    brush: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Brush of all spawned animals, in place of their brushes and programs: a name or a .brush.toml file.",
-        ),
-    ] = None
+    brush: BrushOfAll = None
     fps: Fps = None
     threads: Threads = None
     keyframes: Annotated[
         int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Ticks between snapshots of the recording; default: 320, or fewer for many animals.",
-        ),
+        option("N", "Ticks between snapshots of the recording; default: 320, or fewer for many animals.", min=1),
     ] = None
     synctest: Annotated[
         int | None,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Determinism test: simulate every tick twice, from a snapshot every N ticks, and compare.",
-        ),
+        option("N", "Determinism test: simulate every tick twice, from a snapshot every N ticks, and compare.", min=1),
     ] = None
     report: ReportFolder = None
     json: Json = False
@@ -127,26 +98,17 @@ class ServeOptions:
     """The options of a live link."""
 
     level: LevelName
-    port: Annotated[int, typer.Option(min=0, max=65535, metavar="N", help="Port to listen on; 0: any free port.")] = 0
-    host: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Address to listen on; the default accepts only this machine.")
-    ] = "127.0.0.1"
-    frame_rate: Annotated[
-        float, typer.Option("--fps", min=1, max=60, metavar="F", help="Frames per second sent to each client.")
-    ] = 60.0
+    port: Annotated[int, option("N", "Port to listen on; 0: any free port.", min=0, max=65535)] = 0
+    host: Annotated[str, option("ADDRESS", "Address to listen on; the default accepts only this machine.")] = (
+        "127.0.0.1"
+    )
+    frame_rate: Annotated[float, option("--fps", "F", "Frames per second sent to each client.", min=1, max=60)] = 60.0
     record: RecordFile = None
     seconds: Annotated[
-        float | None,
-        typer.Option(min=0, metavar="S", help="Stop after S simulated seconds; default: run until Ctrl-C."),
+        float | None, option("S", "Stop after S simulated seconds; default: run until Ctrl-C.", min=0)
     ] = None
     seed: Seed = None
     agents: Agents = None
-    brush: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Brush of all spawned animals, in place of their brushes and programs: a name or a .brush.toml file.",
-        ),
-    ] = None
+    brush: BrushOfAll = None
     threads: Threads = None
     json: Json = False

@@ -20,6 +20,18 @@ if TYPE_CHECKING:
     from flockbrush.runs.cluster import Tls
 
 
+def option(*words: str, **more):
+    """An option of typer: its names, unless the parameter has them; its metavar, unless the type says it; its help."""
+    names = [word for word in words if word.startswith("-")]
+    *metavar, text = words[len(names) :]
+    return typer.Option(*names, metavar=metavar[0] if metavar else None, help=text, **more)
+
+
+def argument(metavar: str, text: str):
+    """A typer argument with what the help calls it and says of it."""
+    return typer.Argument(metavar=metavar, help=text)
+
+
 class ThemeName(str, enum.Enum):
     """Colours of pictures and videos."""
 
@@ -36,7 +48,7 @@ class PaletteName(str, enum.Enum):
     tol = "tol"
 
 
-LevelName = Annotated[str, typer.Argument(metavar="LEVEL", help="Level: a .tmj file, or the name of a shipped level.")]
+LevelName = Annotated[str, argument("LEVEL", "Level: a .tmj file, or the name of a shipped level.")]
 
 
 def no_export(path: Path | None) -> Path | None:
@@ -49,52 +61,39 @@ def no_export(path: Path | None) -> Path | None:
     return path
 
 
-RecordFile = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Recording to write (.flock), for replay.", callback=no_export)
-]
-RecordingPath = Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording: a file made with --record.")]
+RecordFile = Annotated[Path | None, option("FILE", "Recording to write (.flock), for replay.", callback=no_export)]
+RecordingPath = Annotated[Path, argument("RECORDING", "Recording: a file made with --record.")]
 Events = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="S:NAME",
-        help="Event for programs at S seconds, such as 2.5:alarm or 2.5:alarm@X,Y,RADIUS; may be repeated.",
+    option("S:NAME", "Event for programs at S seconds, such as 2.5:alarm or 2.5:alarm@X,Y,RADIUS; may be repeated."),
+]
+BrushOfAll = Annotated[
+    str | None,
+    option(
+        "NAME", "Brush of all spawned animals, in place of their brushes and programs: a name or a .brush.toml file."
     ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
-Seconds = Annotated[float | None, typer.Option(min=0, metavar="S", help="Duration, simulated seconds.")]
-Seed = Annotated[
-    int | None, typer.Option(min=0, max=2**63 - 1, metavar="K", help="Random seed; default: the seed of the level.")
-]
+Json = Annotated[bool, option("--json", "Print one JSON object instead of a table.")]
+Seconds = Annotated[float | None, option("S", "Duration, simulated seconds.", min=0)]
+Seed = Annotated[int | None, option("K", "Random seed; default: the seed of the level.", min=0, max=2**63 - 1)]
 Agents = Annotated[
     int | None,
-    typer.Option(
-        min=1,
-        metavar="N",
-        help="Total number of animals, at the density of the level; default: the counts of the level.",
-    ),
+    option("N", "Total number of animals, at the density of the level; default: the counts of the level.", min=1),
 ]
-Threads = Annotated[
-    int | None,
-    typer.Option(min=1, max=1024, metavar="N", help="Largest number of threads; results do not depend on it."),
-]
+Threads = Annotated[int | None, option("N", "Largest number of threads; results do not depend on it.", min=1, max=1024)]
 ReportFolder = Annotated[
-    Path | None,
-    typer.Option("--report", metavar="DIR", help="Folder for the report and both states if two runs differ."),
+    Path | None, option("--report", "DIR", "Folder for the report and both states if two runs differ.")
 ]
 Fps = Annotated[
-    float | None,
-    typer.Option(metavar="F", help="Frames per second of exports; the default depends on the format (export --help)."),
+    float | None, option("F", "Frames per second of exports; the default depends on the format (export --help).")
 ]
-ThemeOption = Annotated[ThemeName, typer.Option(help="Colours of pictures and videos.")]
-PaletteOption = Annotated[
-    PaletteName, typer.Option(help="Colours of brushes: their own, or a palette for colour-blind viewers.")
-]
-TrackUnit = Annotated[
-    str | None, typer.Option(metavar="m|px|bl", help="Unit of x and y in tracks, if their file does not name it.")
-]
-TrackFps = Annotated[
-    float | None, typer.Option(min=0.001, max=10_000, metavar="F", help="Frames per second of tracks without times.")
-]
+WindowTheme = Annotated[ThemeName | None, option("Colours of the window; default: those of the last session.")]
+WindowSize = Annotated[str, option("WxH", "Window size, pixels.")]
+Frames = Annotated[int | None, option("N", "Close the window after N drawn frames.", min=0)]
+ThemeOption = Annotated[ThemeName, option("Colours of pictures and videos.")]
+PaletteOption = Annotated[PaletteName, option("Colours of brushes: their own, or a palette for colour-blind viewers.")]
+TrackUnit = Annotated[str | None, option("m|px|bl", "Unit of x and y in tracks, if their file does not name it.")]
+TrackFps = Annotated[float | None, option("F", "Frames per second of tracks without times.", min=0.001, max=10_000)]
 
 
 @dataclass(frozen=True)
@@ -104,12 +103,10 @@ class TrackOptions:
     unit: TrackUnit = None
     fps: TrackFps = None
     body_length_m: Annotated[
-        float | None,
-        typer.Option(min=0.001, max=50, metavar="M", help="Body length of tracked animals, nose to tail, m."),
+        float | None, option("M", "Body length of tracked animals, nose to tail, m.", min=0.001, max=50)
     ] = None
     body_length_px: Annotated[
-        float | None,
-        typer.Option(min=0.01, max=2000, metavar="L", help="Body length of tracked animals, nose to tail, pixels."),
+        float | None, option("L", "Body length of tracked animals, nose to tail, pixels.", min=0.01, max=2000)
     ] = None
 
     def read(self) -> Looking:
@@ -142,20 +139,13 @@ def unit_of(text: str | None) -> str | None:
 class WorkOptions:
     """Options of commands that distribute work: local processes, or a cluster."""
 
-    jobs: Annotated[
-        int | None, typer.Option(min=1, max=1024, metavar="N", help="Number of local processes; default: one per core.")
-    ] = None
-    cluster: Annotated[
-        str | None,
-        typer.Option(metavar="ADDRESS", help="Address of a Dask scheduler, such as tcp://host:8786."),
-    ] = None
-    tls_ca: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="CA certificate of the cluster, PEM (tls://).")
-    ] = None
-    tls_cert: Annotated[Path | None, typer.Option(metavar="FILE", help="Client certificate for the cluster, PEM.")] = (
+    jobs: Annotated[int | None, option("N", "Number of local processes; default: one per core.", min=1, max=1024)] = (
         None
     )
-    tls_key: Annotated[Path | None, typer.Option(metavar="FILE", help="Key of the client certificate, PEM.")] = None
+    cluster: Annotated[str | None, option("ADDRESS", "Address of a Dask scheduler, such as tcp://host:8786.")] = None
+    tls_ca: Annotated[Path | None, option("FILE", "CA certificate of the cluster, PEM (tls://).")] = None
+    tls_cert: Annotated[Path | None, option("FILE", "Client certificate for the cluster, PEM.")] = None
+    tls_key: Annotated[Path | None, option("FILE", "Key of the client certificate, PEM.")] = None
 
     def read(self) -> tuple[int, tuple[str, Tls] | None]:
         """(processes, (cluster address, certificates) or None); typer.BadParameter for conflicting options."""

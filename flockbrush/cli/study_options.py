@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from flockbrush.cli.shared_options import (
     Json,
     ThemeName,
@@ -14,8 +12,10 @@ from flockbrush.cli.shared_options import (
     Threads,
     TrackOptions,
     WorkOptions,
+    argument,
     given_options,
     grouped,
+    option,
     refuse_unused,
 )
 
@@ -29,15 +29,11 @@ def is_tracks(path):
 
 @grouped
 def measure(
-    recording: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Recording (.flock), table of an export, or tracks; see --unit.")
-    ],
+    recording: Annotated[Path, argument("FILE", "Recording (.flock), table of an export, or tracks; see --unit.")],
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Chart of the measures over time to write (.png, .svg or .pdf).")
+        Path | None, option("FILE", "Chart of the measures over time to write (.png, .svg or .pdf).")
     ] = None,
-    every: Annotated[
-        float, typer.Option(min=0.03125, max=3600, metavar="S", help="Time between two samples, s.")
-    ] = 1.0,
+    every: Annotated[float, option("S", "Time between two samples, s.", min=0.03125, max=3600)] = 1.0,
     threads: Threads = None,
     tracks: TrackOptions = TrackOptions(),  # noqa: B008  its fields become the options
     json: Json = False,
@@ -55,14 +51,10 @@ def measure(
 
 @grouped
 def sweep(
-    file: Annotated[
-        Path, typer.Argument(metavar="SWEEP", help="Sweep: a .sweep.toml file, or the name of a shipped sweep.")
-    ],
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the rows, the summary and the plots.")],
+    file: Annotated[Path, argument("SWEEP", "Sweep: a .sweep.toml file, or the name of a shipped sweep.")],
+    out: Annotated[Path, option("DIR", "Folder for the rows, the summary and the plots.")],
     work: WorkOptions = WorkOptions(),  # noqa: B008  its fields become the options
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue the sweep in --out; failed runs are repeated.")
-    ] = False,
+    resume: Annotated[bool, option("--resume", "Continue the sweep in --out; failed runs are repeated.")] = False,
     theme: ThemeOption = ThemeName.light,
     json: Json = False,
 ):
