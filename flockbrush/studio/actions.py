@@ -14,16 +14,20 @@ from flockbrush.behaviours.program import SUFFIX
 from flockbrush.engine.commands import from_record
 from flockbrush.engine.files import free_path, write_bytes
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.recording import RecordingError
 from flockbrush.render.style import THEMES, theme_of
 from flockbrush.studio.branches import plain_name
 from flockbrush.studio.forms import Form, FormRow, blank, changed, live_commands, number, rows_of, said
 from flockbrush.studio.help import Help
 from flockbrush.studio.needed import needed
 from flockbrush.studio.panels.tuning import as_new
+from flockbrush.studio.recorded_session import recovered
 from flockbrush.studio.session_files import LEVELS
 from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name
 from flockbrush.studio.video_recorder import RunningVideo
+from flockbrush.systems.edits import as_command
 from flockbrush.systems.level_lists import without_place
+from flockbrush.systems.mark_commands import PlaceKey, own_place
 
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
@@ -222,9 +226,6 @@ class AppActions:
         self.ask("Unsaved changes", why, answers)
 
     def _recover(self, left):
-        from flockbrush.engine.recording import RecordingError
-        from flockbrush.studio.recorded_session import recovered
-
         try:
             session = recovered(left)
         except (RecordingError, ProblemsError, OSError) as error:
@@ -341,8 +342,6 @@ class AppActions:
 
     def ask_properties(self):
         """Open a form with the properties of the selected object, or of the one under the mouse."""
-        from flockbrush.systems.edits import as_command
-
         select = self.tools["select"]
         held = select.held()
         chosen = (select.thing[0], held) if held is not None else None
@@ -371,8 +370,6 @@ class AppActions:
 
     def ask_key(self, xy, key=None, name=""):
         """Open a form for a key of the level's script: a new one at a point, or an existing one."""
-        from flockbrush.systems.mark_commands import PlaceKey, own_place
-
         known, world = live_commands(), self.session.simulation
         if key is not None and key.command not in known:
             self.notify(f"{key.command} has values that this form cannot show; change this key in Tiled", "warning")

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.brush import flies_free, shipped
+from flockbrush.behaviours.species import usual_species
+from flockbrush.components import BrushBinding, ProgramState, Species
+from flockbrush.engine.problems import did_you_mean
+from flockbrush.render.style import mix, rgb, worn
 from flockbrush.render.style import palette as fallback_colours
-from flockbrush.render.style import worn
+from flockbrush.studio.brush_palette import CAPS
 from flockbrush.studio.hunters import hunters
 from flockbrush.studio.needed import brush_needed, library_of
 from flockbrush.studio.tools import offered
 from flockbrush.studio.tools import world_tools as lookup
 from flockbrush.studio.tools.tool import CHOICES
+from flockbrush.systems.binding import binds_nobody
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
+from flockbrush.systems.population import SpeciesList, body_of
+from flockbrush.systems.room import in_the_air
 
 
 class ActiveTool:
@@ -31,8 +39,6 @@ class ActiveTool:
         self.softness = 0.0
         names = self.brush_names()
         if brush is not None and brush not in names:
-            from flockbrush.engine.problems import did_you_mean
-
             raise LookupError(f"there is no brush {brush!r}{did_you_mean(brush, names)}")
         surfaces = self.surface_names()
         self.paint = {
@@ -64,8 +70,6 @@ class ActiveTool:
 
     def _binds(self, name, present):
         """Whether paint of a brush affects any of some species, as far as they are known."""
-        from flockbrush.systems.population import SpeciesList
-
         brush, library = self.find_brush(name), self.session.simulation.world.resource(SpeciesList).library
         known = [asset for asset in map(library.find, present) if asset is not None]
         return brush is not None and (not known or any(brush.is_made_for(one.name, one.tags) for one in known))
@@ -134,8 +138,6 @@ class ActiveTool:
 
     def caps(self):
         """The speed limits of the palette."""
-        from flockbrush.studio.brush_palette import CAPS
-
         return list(CAPS)
 
     # sizes -------------------------------------------------------------------------
@@ -214,8 +216,6 @@ class ActiveTool:
 
     def brush_of(self, animal):
         """Name of the brush that controls an animal now; where paint mixes two, of the one that is painted."""
-        from flockbrush.components import BrushBinding
-
         palette = self.world_palette()
         index = self.session.simulation.world.component_for_entity(animal, BrushBinding).brush
         return palette.names[palette.end(int(index))]
@@ -233,22 +233,16 @@ class ActiveTool:
 
     def body_length(self, hunter):
         """Body length of a predator, m."""
-        from flockbrush.systems.population import SpeciesList, body_of
-
         library = self.session.simulation.world.resource(SpeciesList).library
         return body_of(self.find_brush(hunter.brush), library.find(hunter.species)).length
 
     def _dangerous(self):
-        from flockbrush.behaviours.behaviour import behaviours
-
         models = behaviours()
         brushes = ((name, self.find_brush(name)) for name in self.brush_names())
         return [name for name, brush in brushes if brush is not None and models[brush.model].danger]
 
     def painted_under(self, xy, species):
         """Name of the painted brush that a species follows at a point of the ground, or ""."""
-        from flockbrush.systems.population import SpeciesList
-
         world = self.session.simulation.world
         land, palette = world.resource(Landscape), world.resource(Palette)
         iy, ix = (min(max(int(v / land.cell), 0), n - 1) for v, n in zip(xy[::-1], land.brush.shape, strict=True))
@@ -261,11 +255,6 @@ class ActiveTool:
 
     def tell_unbound(self):
         """Say once, after painting with the selected brush, which animals of this world that does not bind, and why."""
-        from flockbrush.components import ProgramState, Species
-        from flockbrush.systems.binding import binds_nobody
-        from flockbrush.systems.population import SpeciesList
-        from flockbrush.systems.room import in_the_air
-
         world, palette = self.session.simulation.world, self.world_palette()
         if self.brush not in palette.index:
             return
@@ -279,9 +268,6 @@ class ActiveTool:
 
     def species_of(self, brush):
         """Species of animals added with a brush: the species that starts with it, or that it is made for."""
-        from flockbrush.behaviours.species import usual_species
-        from flockbrush.systems.population import SpeciesList
-
         spawns = self.session.simulation.level.spawns
         same = [spawn.species for spawn in spawns if spawn.brush == brush]
         if same:
@@ -301,8 +287,6 @@ class ActiveTool:
 
     def surface_colour(self, name):
         """The colour of a surface."""
-        from flockbrush.render.style import mix, rgb
-
         land = self.session.simulation.world.resource(Landscape)
         for kind in getattr(land, "kinds", ()):
             if kind.name == name and kind.colour:

@@ -27,6 +27,7 @@ from flockbrush.studio.topbar import TopBar
 from flockbrush.studio.viewport import Viewport
 from flockbrush.studio.widgets import NO_MARGINS, close_menus, words
 from flockbrush.studio.window import Window
+from flockbrush.systems.landscape import Landscape
 
 SLOWEST = 1 / 25  # s; a frame whose simulation would take longer lets the simulation lag instead
 LEAST = 0.008  # s of a frame that the simulation has in any case
@@ -252,8 +253,6 @@ class App(ActiveTool, AppActions, CanvasEvents, Window):
             return self._animal_in_space(animal)
         if at is None or self.is_off_map(at, at, 0.0):
             return ""
-        from flockbrush.systems.landscape import Landscape
-
         land = self.session.simulation.world.resource(Landscape)
         iy, ix = (min(int(v / land.cell), n - 1) for v, n in zip((at[1], at[0]), land.brush.shape, strict=True))
         index = int(land.brush[iy, ix])

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import html
+from threading import Thread
 
 import numpy as np
 import pygame
 import pygame_gui
 
+from flockbrush.behaviours.brush import shipped
 from flockbrush.render.brush_marks import swatch
 from flockbrush.render.style import mix, rgb
+from flockbrush.studio import thumbnails
 from flockbrush.studio.needed import library_of
 from flockbrush.studio.theme import chrome, font, px
 from flockbrush.studio.widgets import PictureButton, Shelf, fitted
@@ -191,8 +194,6 @@ class Thumbnails:
 
     def get(self, name, size):
         """(surface, whether it is the final one)."""
-        from flockbrush.studio import thumbnails
-
         brush, theme = self.app.find_brush(name), self.app.theme
         if brush is None:
             return pygame.Surface(size, pygame.SRCALPHA), True
@@ -217,11 +218,6 @@ class Thumbnails:
 
     def _make(self, brush, theme, colour, body):
         """Have a picture made: of shipped brushes by another process, of others by a thread, one after the other."""
-        from threading import Thread
-
-        from flockbrush.behaviours.brush import shipped
-        from flockbrush.studio import thumbnails
-
         if colour is None and theme.name not in self._makers:
             self._makers[theme.name] = thumbnails.make_in_background((), self.SIDE, theme)
         library = shipped()

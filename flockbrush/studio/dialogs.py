@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import pygame
 import pygame_gui
 from pygame_gui.elements import UIButton, UITextBox, UITextEntryLine, UIWindow
 
-from flockbrush.studio.theme import px
+from flockbrush.studio.theme import font, px
+from flockbrush.studio.toasts import wrapped
 
 
 class Dialog(UIWindow):
@@ -25,8 +28,8 @@ class Dialog(UIWindow):
         width, height = app.screen.get_size()
         wide = min(width - 10, px(app.scale, 460))
         pad, row = px(app.scale, 12), px(app.scale, 32)
-        lines = _lines(app, question, wide - 3 * pad)
-        text_height = lines * px(app.scale, 20) + px(app.scale, 14)
+        lines = wrapped(question, font(px(app.scale, 14)), wide - 3 * pad)
+        text_height = len(lines) * px(app.scale, 20) + px(app.scale, 14)
         tall = min(
             height - 10, px(app.scale, 34) + text_height + (row + pad if entry is not None else 0) + row + 3 * pad
         )
@@ -48,7 +51,9 @@ class Dialog(UIWindow):
             app.manager.set_focus_set(self.entry)
             top -= pad
         said_place = pygame.Rect(pad // 2, pad // 2, inside.width - pad, max(10, top - pad // 2))
-        UITextBox(_escaped(question), said_place, app.manager, container=self, object_id="@page")
+        UITextBox(
+            escape(question, False).replace("\n", "<br>"), said_place, app.manager, container=self, object_id="@page"
+        )
         self._make_answers(answers, inside, bottom, row, pad)
 
     def _make_answers(self, answers, inside, y, row, pad):
@@ -88,17 +93,3 @@ class Dialog(UIWindow):
         if self.alive():
             self.app.manager.set_focus_set(self.entry)
         return None
-
-
-def _lines(app, text, room):
-    """How many lines a text takes."""
-    from flockbrush.studio.theme import font
-    from flockbrush.studio.toasts import wrapped
-
-    return len(wrapped(text, font(px(app.scale, 14)), room))
-
-
-def _escaped(text):
-    from flockbrush.studio.help import escaped
-
-    return escaped(text).replace("\n", "<br>")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import pygame
 from pygame_gui.elements import UITextBox, UIWindow
 
@@ -42,15 +44,13 @@ def columns(theme, count) -> list[str]:
     for heading, rows in parts:
         page = pages[min(int((used_height + len(rows) / 2) / share), count - 1)]
         page.append(f"<font color={hexed(c.accent)}><b>{heading}</b></font>")
-        page += [f"<b>{escaped(keys)}</b>   <font color={hexed(c.muted)}>{escaped(what)}</font>" for keys, what in rows]
+        page += [
+            f"<b>{escape(keys, False)}</b>   <font color={hexed(c.muted)}>{escape(what, False)}</font>"
+            for keys, what in rows
+        ]
         page.append("")
         used_height += len(rows) + 2
     return ["<br>".join(page) for page in pages]
-
-
-def escaped(text):
-    """Text that is not read as markup."""
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
 class Help(UIWindow):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 
 MOST_CELLS = 1500  # of the raster on which a stroke becomes an outline, along its longer side
@@ -12,8 +13,6 @@ CORNERS = 60  # of one outline at most
 
 def thinned(points, tolerance) -> np.ndarray:
     """The points of a line that matter, (k, 2): none that is left out lies farther from it than the tolerance (m)."""
-    import cv2
-
     points = np.asarray(points, float)
     if len(points) < 3:
         return points
@@ -37,8 +36,6 @@ def swath(points, radius) -> list[np.ndarray]:
 
 def _outlines(points, radius):
     """(outer polygons, whether there are holes)."""
-    import cv2
-
     low, high = points.min(axis=0) - 1.2 * radius, points.max(axis=0) + 1.2 * radius
     cell = max(radius / 12, float((high - low).max()) / MOST_CELLS)
     width, height = (math.ceil(side / cell) + 1 for side in high - low)
@@ -58,8 +55,6 @@ def _outlines(points, radius):
 
 
 def _few_corners(contour):
-    import cv2
-
     tolerance = 1.5  # cells: the steps of the raster go, round ends stay round
     while True:
         polygon = cv2.approxPolyDP(contour, tolerance, True)[:, 0].astype(float)

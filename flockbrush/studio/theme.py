@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import pygame
+import pygame_gui
 
 from flockbrush.render.style import Colour, Theme, mix
 
@@ -89,8 +90,6 @@ def _scale_of_environment():
 @lru_cache(maxsize=32)
 def font(height: int, bold=False):
     """The controls' font, for what we write ourselves."""
-    import pygame_gui
-
     if not pygame.font.get_init():
         pygame.font.init()
     name = "NotoSans-Bold.ttf" if bold else "NotoSans-Regular.ttf"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pygame
 import pygame_gui
-from pygame_gui.elements import UICheckBox, UIDropDownMenu, UIPanel, UIScrollingContainer
+from pygame_gui.elements import UICheckBox, UIDropDownMenu, UIPanel, UIScrollingContainer, UITextBox
 
 from flockbrush.studio.brush_palette import PaletteButtons
 from flockbrush.studio.shortcuts import shown
@@ -85,8 +85,6 @@ class Toolbox:
         return px(self.app.scale, 34 if self.app.choices(option) else 28 if option in SWITCHES else 46)
 
     def _say(self, text, place):
-        from pygame_gui.elements import UITextBox
-
         UITextBox(text, place, self.app.manager, container=self.lower, object_id="@note")
 
     def _option(self, name, y, wide):

@@ -6,7 +6,10 @@ import queue
 import threading
 from pathlib import Path
 
+import cv2
 import numpy as np
+
+from flockbrush.render import Video
 
 FPS = 30
 WAITING = 12  # frames at most between window and writer; more are left out rather than waited for
@@ -52,8 +55,6 @@ class RunningVideo:
         return f"wrote {self.path}: {self.taken / FPS:.1f} s{less}"
 
     def _write(self):
-        from flockbrush.render import Video
-
         frame = None
         try:
             with Video(self.path, FPS, self.size) as video:
@@ -72,8 +73,6 @@ def fitted(frame, size):
         return frame.copy()
     if 0 <= width - size[0] <= 1 and 0 <= height - size[1] <= 1:
         return np.ascontiguousarray(frame[: size[1], : size[0]])
-    import cv2
-
     share = min(size[0] / width, size[1] / height)
     small = cv2.resize(frame, (max(1, round(width * share)), max(1, round(height * share))))
     whole = np.zeros((size[1], size[0], 3), np.uint8)

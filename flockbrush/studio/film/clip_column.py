@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import pygame
+from pygame_gui import UI_BUTTON_PRESSED, UI_HORIZONTAL_SLIDER_MOVED
 from pygame_gui.elements import UIButton, UIPanel, UITextBox
 
-from flockbrush.studio.help import escaped
 from flockbrush.studio.theme import chrome, font, px
 from flockbrush.studio.toasts import wrapped
 from flockbrush.studio.widgets import NO_MARGINS, PictureButton, Slider, SliderScale, words
@@ -59,7 +61,7 @@ class ClipColumn:
         place.height = count * round(1.25 * letters.get_linesize()) + px(self.app.scale, 10)
         place.x, place.width = place.x - px(self.app.scale, 6), place.width + px(self.app.scale, 12)
         self.y += place.height
-        return UITextBox(escaped(text), place, self.app.manager, container=self.back, object_id="@page")
+        return UITextBox(escape(text, False), place, self.app.manager, container=self.back, object_id="@page")
 
     def button(self, text, do, tip=None, primary=False):
         """A button over the whole width."""
@@ -112,12 +114,10 @@ class ClipColumn:
 
     def handle(self, event) -> bool:
         """Buttons and sliders; whether the event was ours."""
-        import pygame_gui
-
-        if event.type == pygame_gui.UI_BUTTON_PRESSED and event.ui_element in self.buttons:
+        if event.type == UI_BUTTON_PRESSED and event.ui_element in self.buttons:
             self.buttons[event.ui_element]()
             return True
-        if event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED:
+        if event.type == UI_HORIZONTAL_SLIDER_MOVED:
             for slider in self.sliders:
                 if event.ui_element is slider.slider:
                     slider.moved(event)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pygame
 
 from flockbrush.film.camera_maps import back, moved_by
 from flockbrush.film.clip_layers import OBSTACLE, REGIONS, MaskLayer, fill, stroke
@@ -195,8 +196,6 @@ class PaintMode(Mode):
         return np.array([(0, 0, 0), *(REGIONS if name == "regions" else [WALL])], np.uint8)
 
     def _draw_cursor(self, canvas):
-        import pygame
-
         at = np.array(pygame.mouse.get_pos(), float) - self.window.area.topleft
         if self.tool != "fill" and (at >= 0).all() and (at < self.window.area.size).all():
             radius = max(1.5, self.radius * self.window.zoom)

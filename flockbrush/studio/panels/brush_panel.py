@@ -10,6 +10,7 @@ from pygame_gui.core import ObjectID
 from pygame_gui.elements import UIButton, UIDropDownMenu
 
 from flockbrush.behaviours.brush import Brush
+from flockbrush.components import BrushBinding
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.studio.brush_palette import whence
 from flockbrush.studio.panels.knobs import TABLES, Knob, knobs_of
@@ -163,8 +164,6 @@ class BrushPanel(Panel):
         (self.drop.enable if count else self.drop.disable)() if self.drop.is_enabled != bool(count) else None
 
     def _animals(self, brush):
-        from flockbrush.components import BrushBinding
-
         if not self.is_in_world:
             return "not used here"
         world = self.app.session.simulation.world

@@ -16,6 +16,7 @@ from pygame_gui.elements import UIButton, UIDropDownMenu, UIImage, UIScrollingCo
 from flockbrush.render.style import worn
 from flockbrush.studio.theme import chrome, font, px
 from flockbrush.studio.widgets import fitted
+from flockbrush.systems.palette import Palette
 
 FRESH = 0.25  # s; numbers that change faster than this cannot be read, and cost time
 SCROLL_BAR = 20  # pixels, whatever the scale
@@ -189,8 +190,6 @@ def _is_held(part):
 
 def palette_of(session):
     """The brushes of the running world."""
-    from flockbrush.systems.palette import Palette
-
     return session.simulation.world.resource(Palette)
 
 

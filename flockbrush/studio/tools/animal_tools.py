@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from flockbrush.components import Position
 from flockbrush.render.style import rgb
 from flockbrush.studio.outlines import rows
 from flockbrush.studio.tools.tool import Stroke, Tool
 from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, change, free_name, moved, outline, thing_of
+from flockbrush.systems.commands import AddAnimals, RemoveAnimals
+from flockbrush.systems.edits import MarkSpawn, RemoveThing
 
 
 class AddAnimalsTool(Stroke):
@@ -26,12 +29,10 @@ class AddAnimalsTool(Stroke):
         self.last = None
 
     def go(self, start, stop):
-        from flockbrush.systems.commands import AddAnimals as Add
-
         app, brush = self.app, self.app.brush
         if brush is None or app.is_off_map(stop, stop, app.size):
             return
-        add = Add(brush, *stop, app.size, app.options["count"], app.species_of(brush))
+        add = AddAnimals(brush, *stop, app.size, app.options["count"], app.species_of(brush))
         if app.do("add animals", [*app.brush_needed(brush), add], self.join):
             self._tell_of_paint(stop, brush)
 
@@ -63,8 +64,6 @@ class Predator(Tool):
     options = ("hunter",)
 
     def press(self, xy, button, mods):
-        from flockbrush.systems.edits import MarkSpawn
-
         app = self.app
         if button != 1 or app.is_off_map(xy, xy, 0.0):
             return
@@ -99,13 +98,10 @@ class RemoveAnimalsTool(Stroke):
     spacing = 0.5
 
     def go(self, start, stop):
-        from flockbrush.components import Position
-        from flockbrush.systems.commands import RemoveAnimals as Remove
-
         app = self.app
         away = np.hypot(*(app.session.simulation.agents[Position.xyz][:, :2] - stop).T)
         if (away <= app.size).any():
-            app.do("remove animals", [Remove(*stop, app.size)], self.join)
+            app.do("remove animals", [RemoveAnimals(*stop, app.size)], self.join)
 
     def cursor(self, surface, camera):
         self.ring(surface, camera, self.app.size, self.app.theme.predator)
@@ -170,8 +166,6 @@ class Select(Tool):
         self.thing = None
 
     def delete(self) -> bool:
-        from flockbrush.systems.edits import RemoveThing
-
         if self.thing is None or self.held() is None:
             return False
         kind, number = self.thing

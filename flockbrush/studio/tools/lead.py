@@ -6,7 +6,9 @@ import itertools
 
 import numpy as np
 
+from flockbrush.components import Leading, Position
 from flockbrush.studio.tools.tool import Tool
+from flockbrush.systems.leaders import Appoint, Steer
 
 _holds = itertools.count(1)
 WAYS = {
@@ -86,8 +88,6 @@ class Lead(Tool):
 
     def _position(self):
         """m, where the animal is that is led; None without one."""
-        from flockbrush.components import Position
-
         agents, animal = self.app.session.simulation.agents, self.app.selected
         if animal is None or animal not in agents.ids:
             return None
@@ -105,9 +105,6 @@ class Lead(Tool):
         self._steer(*self.place, "place")
 
     def _steer(self, x, y, kind):
-        from flockbrush.components import Leading
-        from flockbrush.systems.leaders import Appoint, Steer
-
         animal, agents = self.app.selected, self.app.session.simulation.agents
         if not self._join:
             self._join = f"{self.name} {next(_holds)}"

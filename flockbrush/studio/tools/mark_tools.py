@@ -6,6 +6,7 @@ from flockbrush.render.style import rgb
 from flockbrush.studio.tools.things import OutlineTool, PathTool
 from flockbrush.studio.tools.tool import Tool
 from flockbrush.studio.tools.world_tools import things
+from flockbrush.systems.mark_commands import DrawArea, DrawLine, DrawZone
 
 
 class ZoneTool(OutlineTool):
@@ -19,8 +20,6 @@ class ZoneTool(OutlineTool):
         return self.app.brush_needed(self.app.brush)
 
     def command(self, name, points):
-        from flockbrush.systems.mark_commands import DrawZone
-
         return DrawZone(self.app.new_id(), name, points, self.app.brush)
 
     def colour(self):
@@ -35,8 +34,6 @@ class LineTool(PathTool):
     hint = "Drag to draw a line that counts crossings. Drag its points to reshape it."
 
     def command(self, number, name, points):
-        from flockbrush.systems.mark_commands import DrawLine
-
         return DrawLine(number, name, points)
 
 
@@ -48,8 +45,6 @@ class MeasuredAreaTool(OutlineTool):
     hint, label = "Drag to draw an area in which animals are counted.", "draw a measured area"
 
     def command(self, name, points):
-        from flockbrush.systems.mark_commands import DrawArea
-
         return DrawArea(self.app.new_id(), name, points)
 
 

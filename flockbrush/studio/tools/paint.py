@@ -7,6 +7,7 @@ import numpy as np
 from flockbrush.render.style import rgb
 from flockbrush.studio.tools.tool import Stroke, Tool
 from flockbrush.studio.tools.world_tools import KINDS
+from flockbrush.systems.edits import Paint, RemoveThing, fill, pick
 from flockbrush.systems.landscape import Landscape
 
 ERASES = {"usual": ("brush", "cap"), "everything": ("brush", "cap", "surface")}  # what the eraser takes, by its option
@@ -30,8 +31,6 @@ class Painting(Stroke):
         return self.app.paint[self.layer]
 
     def go(self, start, stop):
-        from flockbrush.systems.edits import Paint
-
         app = self.app
         if app.is_off_map(start, stop, app.size):
             return
@@ -105,8 +104,6 @@ class Erase(Stroke):
     options = ("size", "erase")
 
     def go(self, start, stop):
-        from flockbrush.systems.edits import Paint, RemoveThing
-
         app, what = self.app, self.app.options["erase"]
         blank = {"brush": "", "cap": 0.0, "surface": ""}
         layers = [layer for layer in LAYERS if layer in ERASES.get(what, (what,))]
@@ -137,8 +134,6 @@ class Pick(Tool):
     hint = "Click painted ground or an animal to pick its brush."
 
     def press(self, xy, button, mods):
-        from flockbrush.systems.edits import pick
-
         app, world = self.app, self.app.session.simulation.world
         animal = app.animal_at(xy, self.reach(8))
         if animal is not None:
@@ -159,8 +154,6 @@ class Fill(Tool):
     palette, options = "layer", ("layer",)
 
     def press(self, xy, button, mods):
-        from flockbrush.systems.edits import fill
-
         if button != 1:
             return
         app = self.app

@@ -11,6 +11,8 @@ from flockbrush.levels.geometry import distance_to_line
 from flockbrush.studio.outlines import box, rows, swath, thinned
 from flockbrush.studio.tools.tool import Tool
 from flockbrush.studio.tools.world_tools import change, free_name, moved, outline, thing_of, things
+from flockbrush.systems.commands import AddObstacle
+from flockbrush.systems.edits import DrawGuide, MarkSpawn, PlaceExit, PlaceGoal, RemoveThing
 
 CLICK = 6.0  # pixels the mouse may move and it is still a click
 DOUBLE = 0.4  # s between the two presses of a double click
@@ -167,8 +169,6 @@ class ObstacleTool(OutlineTool):
     options = ("shape", "size", "solid", "blocks_view")
 
     def command(self, name, points):
-        from flockbrush.systems.commands import AddObstacle
-
         app = self.app
         return AddObstacle(name, points, app.options["solid"], app.options["blocks_view"], id=app.new_id())
 
@@ -229,8 +229,6 @@ class PathTool(ShapeTool):
 
     def _drop(self, xy):
         """Take a point out of a line; with the last but one the line goes."""
-        from flockbrush.systems.edits import RemoveThing
-
         hit = self._point_at(xy)
         if hit is None:
             return False
@@ -316,8 +314,6 @@ class GuideTool(PathTool):
     hint = "Drag to draw a guide for leaders. Drag its points to reshape it."
 
     def command(self, number, name, points):
-        from flockbrush.systems.edits import DrawGuide
-
         return DrawGuide(number, name, points)
 
 
@@ -365,8 +361,6 @@ class GoalTool(SpanTool):
             if not self.is_near(a, b):
                 change(self.app, "move a goal", "goal", held, lambda command: moved(command, np.subtract(b, a)))
             return
-        from flockbrush.systems.edits import PlaceGoal
-
         app, radius = self.app, float(np.hypot(b[0] - a[0], b[1] - a[1]))
         radius = app.usual_radius() if self.is_near(a, b) else radius
         name = free_name(app.session.simulation, "goal")
@@ -418,8 +412,6 @@ class ExitTool(AreaTool):
     hint = "Drag a rectangle: animals that enter it are removed."
 
     def place(self, corners):
-        from flockbrush.systems.edits import PlaceExit
-
         name = free_name(self.app.session.simulation, "exit")
         self.app.do("place an exit", [PlaceExit(self.app.new_id(), name, rows(corners))])
 
@@ -433,8 +425,6 @@ class SpawnAreaTool(AreaTool):
     palette, options = "brush", ("count",)
 
     def place(self, corners):
-        from flockbrush.systems.edits import MarkSpawn
-
         app, brush = self.app, self.app.brush
         name = free_name(app.session.simulation, "spawn")
         mark = MarkSpawn(app.new_id(), name, rows(corners), brush, app.species_of(brush), app.options["count"])

@@ -6,8 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from flockbrush.components import Body, Position
 from flockbrush.levels.geometry import distance_to_line, inside, sign_of
 from flockbrush.studio.outlines import rows
+from flockbrush.systems.edits import as_command
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.life import Nursery
 
 KINDS = ("goal", "guide", "obstacle", "exit", "spawn", "line", "zone", "area", "key")  # of things one can take hold of
 SPOKEN = {  # where it is not the kind itself
@@ -20,9 +24,6 @@ SPOKEN = {  # where it is not the kind itself
 
 def things(simulation) -> list[tuple[str, object]]:
     """(kind, thing) of all that a designer drew, but for paint; the first are drawn below the last."""
-    from flockbrush.systems.landscape import Landscape
-    from flockbrush.systems.life import Nursery
-
     land = simulation.world.resource(Landscape)
     nursery = simulation.world.resource(Nursery)
     result: list[tuple[str, object]] = [("zone", thing) for thing in land.marks.zones]
@@ -72,8 +73,6 @@ def area_around(simulation, xy, kinds):
 
 def animal_at(simulation, xy, reach):
     """Id of the animal nearest to a point, or None when none is within so many metres of it."""
-    from flockbrush.components import Body, Position
-
     agents = simulation.agents
     if not len(agents):
         return None
@@ -106,8 +105,6 @@ def thing_of(simulation, kind, number):
 
 def change(app, label, kind, number, make):
     """Do what ``make`` makes of the command for a thing as it is now; say so when it is there no longer."""
-    from flockbrush.systems.edits import as_command
-
     if thing_of(app.session.simulation, kind, number) is None:
         app.notify(f"this {SPOKEN.get(kind, kind)} is no longer there", "warning")
     else:
