@@ -15,7 +15,7 @@ from flockbrush.render.style import mix, rgb
 from flockbrush.studio import thumbnails
 from flockbrush.studio.needed import library_of
 from flockbrush.studio.theme import chrome, font, px
-from flockbrush.studio.widgets import PictureButton, Shelf, fitted
+from flockbrush.studio.widgets import PictureButton, Shelf, fitted, marked
 
 CAPS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # m/s
 ACROSS = 2  # pictures side by side
@@ -150,7 +150,7 @@ class PaletteButtons:
         if chosen != self._marked:
             self._marked = chosen
             for entry, button in self._made.items():
-                (button.select if entry == chosen else button.unselect)()
+                marked(button, entry == chosen)
         if not any(pygame.mouse.get_pressed()):  # not at every step of a slider
             self._look_again()
         for entry in self._waiting[:]:

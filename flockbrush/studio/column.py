@@ -8,6 +8,7 @@ from pygame_gui.elements import UIButton, UIPanel
 
 from flockbrush.studio.panels import offered
 from flockbrush.studio.theme import px
+from flockbrush.studio.widgets import NO_MARGINS, chosen
 
 TAB = 48  # pixels of a tab at scale 1
 
@@ -45,8 +46,7 @@ class Column:
             holder = UIPanel(self.inside, 1, self.manager, container=self.back, margins=NO_MARGINS)
             self.made[index] = self.classes[index](self.app, self.manager, holder), holder
         self.index = self.app.memory["tab"] = index
-        for k, tab in enumerate(self.tabs):
-            (tab.select if k == index else tab.unselect)()
+        chosen(self.tabs, index)
         for k, (panel, holder) in self.made.items():
             (holder.show if k == index else holder.hide)()
             hook = getattr(panel, "show" if k == index else "hide", None)
@@ -70,6 +70,3 @@ class Column:
         """One frame of the shown panel."""
         if self.index in self.made:
             self.made[self.index][0].update(dt)
-
-
-NO_MARGINS = {"left": 0, "right": 0, "top": 0, "bottom": 0}

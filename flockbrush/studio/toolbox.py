@@ -10,7 +10,7 @@ from flockbrush.studio.brush_palette import PaletteButtons
 from flockbrush.studio.shortcuts import shown
 from flockbrush.studio.theme import px
 from flockbrush.studio.tools import offered
-from flockbrush.studio.widgets import NO_MARGINS, Slider, SliderScale, icon_button, words
+from flockbrush.studio.widgets import NO_MARGINS, Slider, SliderScale, icon_button, marked, words
 
 SWITCHED = (pygame_gui.UI_CHECK_BOX_CHECKED, pygame_gui.UI_CHECK_BOX_UNCHECKED)
 ACROSS = 5  # tools side by side
@@ -51,7 +51,7 @@ class Toolbox:
         """Show the options and the palette of the tool in hand."""
         app, tool = self.app, self.app.tool
         for button, name in self.tools.items():
-            (button.select if name == tool.name else button.unselect)()
+            marked(button, name == tool.name)
         if self.lower is not None:
             self.lower.kill()
         self.sliders, self.menus, self.switches, self.palette = {}, {}, {}, None
@@ -78,14 +78,11 @@ class Toolbox:
         if layer:
             self.palette = PaletteButtons(app, place, self.lower, layer)
         else:
-            self._say(tool.tip + ".", place)
+            UITextBox(tool.tip + ".", place, app.manager, container=self.lower, object_id="@note")
 
     def _height(self, option):
         """Pixels that an option takes."""
         return px(self.app.scale, 34 if self.app.choices(option) else 28 if option in SWITCHES else 46)
-
-    def _say(self, text, place):
-        UITextBox(text, place, self.app.manager, container=self.lower, object_id="@note")
 
     def _option(self, name, y, wide):
         """Make the control of an option."""
@@ -110,20 +107,15 @@ class Toolbox:
 
     def _slider(self, name, row):
         app = self.app
-        if name == "size":
-            return Slider(
-                app, row, "Size", app.size, SliderScale(*app.sizes(), metres, True), app.set_size, self.lower,
-                "Radius of the round tools, m (keys [ and ], or Ctrl and the mouse wheel)",
-            )  # fmt: skip
-        if name == "softness":
-            return Slider(
-                app, row, "Softness", app.softness, SliderScale(0.0, 1.0, percent), app.set_softness, self.lower,
-                "How much the stroke fades towards its edge",
-            )  # fmt: skip
-        return Slider(
-            app, row, "Animals", app.options["count"], SliderScale(1, 500, whole, True), app.set_count, self.lower,
-            "Number of animals added at once",
-        )  # fmt: skip
+        title, value, scale, change, tip = {
+            "size": ("Size", app.size, SliderScale(*app.sizes(), "{:.3g} m".format, True), app.set_size,
+                     "Radius of the round tools, m (keys [ and ], or Ctrl and the mouse wheel)"),
+            "softness": ("Softness", app.softness, SliderScale(0.0, 1.0, lambda share: f"{round(100 * share)} %"),
+                         app.set_softness, "How much the stroke fades towards its edge"),
+            "count": ("Animals", app.options["count"], SliderScale(1, 500, lambda count: f"{round(count):,}", True),
+                      app.set_count, "Number of animals added at once"),
+        }[name]  # fmt: skip
+        return Slider(app, row, title, value, scale, change, self.lower, tip)
 
     def handle(self, event) -> bool:
         """Tools, options and palette."""
@@ -152,18 +144,3 @@ class Toolbox:
             slider.set(values[name])
         if self.palette is not None:
             self.palette.update()
-
-
-def metres(value):
-    """A size as it is written."""
-    return f"{value:.3g} m"
-
-
-def percent(value):
-    """A share as it is written."""
-    return f"{round(100 * value)} %"
-
-
-def whole(value):
-    """A number of animals as it is written."""
-    return f"{round(value):,}"

@@ -6,7 +6,7 @@ import pygame
 from pygame_gui.elements import UIPanel
 
 from flockbrush.studio.theme import px
-from flockbrush.studio.widgets import NO_MARGINS, action_button, words
+from flockbrush.studio.widgets import NO_MARGINS, action_button, enabled, marked, words
 
 LEFT = ("undo", "redo", None, "save")
 RIGHT = ("video", "screenshot", None, "space", "theme", "panels", "help")
@@ -42,17 +42,16 @@ class TopBar:
         """Show what is so now."""
         app, session = self.app, self.app.session
         undo, redo = session.undo_label, session.redo_label
-        content = (undo, redo, session.dirty, app.level_name(), app.film is not None, app.canvas.in_space)
+        in_space = app.canvas.in_space
+        content = (undo, redo, session.dirty, app.level_name(), app.film is not None, in_space)
         if content == self._said:
             return
         self._said = content
         if self.title is not None:
             self.title.say(app.level_name() + ("   •  not saved" if session.dirty else ""))
-        for name, label in (("undo", undo), ("redo", redo)):
+        shown = (
+            (enabled, "undo", undo), (enabled, "redo", redo), (marked, "video", app.film), (marked, "space", in_space),
+        )  # fmt: skip
+        for show, name, on in shown:
             if name in self.buttons:
-                button = self.buttons[name]
-                (button.enable if label else button.disable)()
-        if "video" in self.buttons:
-            (self.buttons["video"].select if app.film is not None else self.buttons["video"].unselect)()
-        if "space" in self.buttons:
-            (self.buttons["space"].select if app.canvas.in_space else self.buttons["space"].unselect)()
+                show(self.buttons[name], on)

@@ -66,6 +66,23 @@ def _icons(app, picture, size):
     return [icon(picture, side, colour) for colour in (c.ink, c.ink, c.accent, c.faint)]
 
 
+def chosen(buttons, which):
+    """Show which one of some buttons is chosen, by its number."""
+    for k, button in enumerate(buttons):
+        marked(button, k == which)
+
+
+def marked(button, on):
+    """Show a button as chosen, or not."""
+    (button.select if on else button.unselect)()
+
+
+def enabled(button, can):
+    """Let a button be pressed, or not."""
+    if bool(can) != bool(button.is_enabled):
+        (button.enable if can else button.disable)()
+
+
 def is_open(menu: UIDropDownMenu) -> bool:
     """Whether the list of a menu is shown."""
     return menu.current_state is menu.menu_states["expanded"]

@@ -149,7 +149,7 @@ def test_texts_typed_without_enter_are_taken_before_a_button_acts_and_when_the_f
     write(window, element(window, "for", "stampede"), "1..2 s")
     write(window, element(window, "emits", "graze"), "hush")
     assert str(panel.program.states["stampede"].lasts) == "8..12 s"
-    add = next(button for button in panel.buttons if button.text == "Add trigger")
+    add = next(button for button in panel.does if getattr(button, "text", "") == "Add trigger")
     panel.scroll.vert_scroll_bar.set_scroll_from_start_percentage(0.9)
     window.frames(2)
     window.click(add)

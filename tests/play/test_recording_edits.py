@@ -104,7 +104,7 @@ def panel(window):
 def press(window, words):
     """Press a button of the panel."""
     made = panel(window)
-    window.push(next(button for button in made.buttons if button.text == words))
+    window.push(next(button for button in made.does if getattr(button, "text", "") == words))
     window.frames(2)
 
 

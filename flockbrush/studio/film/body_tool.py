@@ -7,10 +7,10 @@ import numpy as np
 
 from flockbrush.film.body_marks import body_mask, colour_at
 from flockbrush.film.looking import LENGTHS_PX
-from flockbrush.studio.film.clip_column import enabled
 from flockbrush.studio.film.mask_tool import lay_over
 from flockbrush.studio.film.mode import Mode
 from flockbrush.studio.theme import px
+from flockbrush.studio.widgets import enabled
 
 STILL = 4  # pixels of the screen: a shorter way of the mouse is a click
 GLOW = (255, 0, 180)  # of the mask: no animal and no meadow has it

@@ -141,15 +141,3 @@ class Chip:
         if self.colour is not None:
             pygame.draw.rect(screen, self.colour, self.rect, border_radius=px(self.app.scale, 3))
         pygame.draw.rect(screen, c.border, self.rect, 1, border_radius=px(self.app.scale, 3))
-
-
-def chosen(buttons, which):
-    """Show which one of some buttons is chosen."""
-    for k, button in enumerate(buttons):
-        (button.select if k == which else button.unselect)()
-
-
-def enabled(button, can):
-    """Let a button be pressed, or not."""
-    if bool(can) != bool(button.is_enabled):
-        (button.enable if can else button.disable)()

@@ -17,7 +17,7 @@ from flockbrush.film.clip_jobs import ClipJob
 from flockbrush.render.canvas import Canvas
 from flockbrush.studio.film.bird_tool import BirdsMode
 from flockbrush.studio.film.body_tool import BodyMode
-from flockbrush.studio.film.clip_column import ClipColumn, chosen
+from flockbrush.studio.film.clip_column import ClipColumn
 from flockbrush.studio.film.clip_look import LookMode
 from flockbrush.studio.film.followed_ground import FollowedGround
 from flockbrush.studio.film.formation_tool import FormationMode
@@ -28,7 +28,7 @@ from flockbrush.studio.film.mask_tool import PaintMode
 from flockbrush.studio.film.picture_view import PictureView
 from flockbrush.studio.film.sketch_tool import SketchMode
 from flockbrush.studio.theme import chrome, px
-from flockbrush.studio.widgets import NO_MARGINS, icon_button
+from flockbrush.studio.widgets import NO_MARGINS, chosen, enabled, icon_button
 from flockbrush.studio.window import Window
 
 MODES = (LookMode, LandmarksMode, PaintMode, BodyMode, BirdsMode, SketchMode)
@@ -137,8 +137,7 @@ class ClipWindow(Window):
         self.mode.freshen()
         for button, do in self.buttons.items():
             can = {self.undo: self.book.undo_label, self.redo: self.book.redo_label}.get(do, True)
-            if bool(can) != bool(button.is_enabled):
-                (button.enable if can else button.disable)()
+            enabled(button, can)
         pygame.display.set_caption(self.title())
 
     def title(self):

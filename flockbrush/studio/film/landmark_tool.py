@@ -6,9 +6,9 @@ import numpy as np
 
 from flockbrush.film.landmarks import MOST, between, least_side
 from flockbrush.render.style import PALETTE, rgb
-from flockbrush.studio.film.clip_column import enabled
 from flockbrush.studio.film.mode import Mode
 from flockbrush.studio.theme import px
+from flockbrush.studio.widgets import enabled
 
 ROWS = 4  # of the column, at least
 COLOURS = tuple(rgb(PALETTE[k]) for k in (5, 0, 2, 1, 4, 3, 7, 6))

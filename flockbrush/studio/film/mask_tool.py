@@ -8,9 +8,9 @@ import pygame
 
 from flockbrush.film.camera_maps import back, moved_by
 from flockbrush.film.clip_layers import OBSTACLE, REGIONS, MaskLayer, fill, stroke
-from flockbrush.studio.film.clip_column import chosen, enabled
 from flockbrush.studio.film.mode import Mode
 from flockbrush.studio.theme import px
+from flockbrush.studio.widgets import chosen, enabled
 
 TOOLS = ("brush", "erase", "fill")
 WALL = (176, 48, 32)  # what obstacles are painted in on the screen

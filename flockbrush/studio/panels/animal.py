@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pygame
-from pygame_gui import UI_BUTTON_PRESSED
-from pygame_gui.core import ObjectID
-from pygame_gui.elements import UIButton, UILabel
+from pygame_gui.elements import UIButton
 
 from flockbrush.components import (
     Airborne,
@@ -25,6 +23,7 @@ from flockbrush.components import (
 from flockbrush.render.forces import reason_colour
 from flockbrush.studio.panels.bars import Bar, bars_picture
 from flockbrush.studio.panels.panel import Picture, ScrollPanel, blank, palette_of, write
+from flockbrush.studio.widgets import enabled
 from flockbrush.systems.explain import explain
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
@@ -42,28 +41,18 @@ class AnimalPanel(ScrollPanel):
     tip = "The selected animal: its state, its visible neighbours and the forces on it"
     pictures: dict[str, Picture]
     buttons: dict[str, UIButton]
-    parts: list
     whom: object
 
     def make(self):
         super().make()
         self.row = self.px(22)
-        self.pictures, self.parts, self.buttons = {}, [], {}
         self.whom = self  # nobody yet
         self.refresh()
 
-    def handle(self, event):
-        if event.type != UI_BUTTON_PRESSED:
-            return False
-        if event.ui_element is self.buttons.get("reference"):
-            row = row_of(self.app.session, self.app.selected)
-            if row is not None:
-                self._select(int(self.app.session.simulation.agents[ReferenceBird.entity][row]))
-            return True
-        if event.ui_element is self.buttons.get("nobody"):
-            self._select(None)
-            return True
-        return False
+    def _select_reference(self):
+        row = row_of(self.app.session, self.app.selected)
+        if row is not None:
+            self._select(int(self.app.session.simulation.agents[ReferenceBird.entity][row]))
 
     def _select(self, entity):
         self.app.selected = entity or None
@@ -83,8 +72,7 @@ class AnimalPanel(ScrollPanel):
         self._show_pulls(explanation, pulls)
         bird = int(session.simulation.agents[ReferenceBird.entity][row])
         button = self.buttons["reference"]
-        if bool(bird) != button.is_enabled:
-            (button.enable if bird else button.disable)()
+        enabled(button, bird)
         if button.visible != ("reference bird" in dict(facts)):
             (button.hide if button.visible else button.show)()
 
@@ -95,38 +83,22 @@ class AnimalPanel(ScrollPanel):
         layout = (whom is None, facts, pulls)
         if self.whom == layout:
             return
-        self._clear()
-        self.whom = layout
-        y, px = 0, self.px
+        self.clear()
+        self.whom, px = layout, self.px
         if whom is None:
-            self._picture("nobody", 0, px(110))
+            self.pictures, self.buttons = {"nobody": self.picture(0, px(110))}, {}
             self.scroll.set_scrollable_area_dimensions((self.wide, px(120)))
             return
-        y = self._picture("facts", y, px(30) + facts * self.row) + px(6)
-        half = (self.wide - px(6)) // 2
-        self._button("reference", "Reference bird", "Select the reference bird of this bird", 0, y, half)
-        self._button("nobody", "Deselect", "Clear the selection", half + px(6), y, half)
-        y += px(36)
-        rect = pygame.Rect(0, y, self.wide, px(26))
-        self.parts.append(UILabel(rect, "Forces", self.manager, container=self.scroll, object_id="@heading"))
-        y = self._picture("pulls", y + px(26), (pulls + 1) * self.row + px(48), PULLS_TIP)
-        self.scroll.set_scrollable_area_dimensions((self.wide, y + px(6)))
-
-    def _clear(self):
-        for part in [*self.pictures.values(), *self.buttons.values(), *self.parts]:
-            part.kill()
-        self.pictures, self.buttons, self.parts = {}, {}, []
-
-    def _picture(self, name, y, tall, tip=None) -> int:
-        """A drawing of its own; returns where what follows begins."""
-        self.pictures[name] = Picture(pygame.Rect(0, y, self.wide, tall), self.manager, self.scroll, tip)
-        return y + tall
-
-    def _button(self, name, words, tip, x, y, wide):
-        self.buttons[name] = UIButton(
-            pygame.Rect(x, y, wide, self.px(28)), words, self.manager, container=self.scroll, tool_tip_text=tip,
-            object_id=ObjectID(f"#{name}_button", "@small_button"),
-        )  # fmt: skip
+        half, y = (self.wide - px(6)) // 2, px(36) + facts * self.row
+        self.pictures = {"facts": self.picture(0, y - px(6))}
+        tip = "Select the reference bird of this bird"
+        self.buttons = {
+            "reference": self.button("Reference bird", self._select_reference, 0, y, half, tip),
+            "nobody": self.button("Deselect", lambda: self._select(None), half + px(6), y, half, "Clear the selection"),
+        }
+        y, tall = self.heading("Forces", y + px(36)), (pulls + 1) * self.row + px(48)
+        self.pictures["pulls"] = self.picture(y, tall, PULLS_TIP)
+        self.scroll.set_scrollable_area_dimensions((self.wide, y + tall + px(6)))
 
     # pictures --------------------------------------------------------------------
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import html
 
 import pygame
-from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED
-from pygame_gui.core import ObjectID
 from pygame_gui.elements import UIButton, UIDropDownMenu
 
 from flockbrush.behaviours.brush import Brush
@@ -18,7 +16,7 @@ from flockbrush.studio.panels.macros import macros_of
 from flockbrush.studio.panels.panel import Panel, Picture, blank, palette_of, write
 from flockbrush.studio.panels.rows import PanelRow, row_of
 from flockbrush.studio.panels.tuning import changes, command_of, turned, use
-from flockbrush.studio.widgets import Shelf
+from flockbrush.studio.widgets import Shelf, enabled
 
 
 class BrushPanel(Panel):
@@ -39,31 +37,23 @@ class BrushPanel(Panel):
         self.rows, self.heads = [], []
         self.menu = self.scroll = None
         px, area, pad = self.px, self.area, self.px(8)
-        common = dict(manager=self.manager, container=self.container)
         self.about = Picture(pygame.Rect(pad, px(42), area.width - 2 * pad, px(20)), self.manager, self.container)
-        y, wide = area.height - px(30) - pad, (area.width - 4 * pad) // 3
-        self.save = UIButton(
-            pygame.Rect(pad, y, wide, px(30)),
-            "Save as…",
-            object_id=ObjectID("#save_brush_button", "@small_button"),
-            tool_tip_text="Save these parameters as a new brush; its file names the original brush",
-            **common,
-        )
-        self.mode = UIButton(
-            pygame.Rect(3 * pad + 2 * wide, y, wide, px(30)),
-            self._mode_words(),
-            object_id=ObjectID("#brush_mode_button", "@small_button"),
-            tool_tip_text="Simple: a few sliders; Advanced: all parameters",
-            **common,
-        )
-        self.drop = UIButton(
-            pygame.Rect(2 * pad + wide, y, wide, px(30)),
-            "Revert",
-            object_id=ObjectID("#drop_changes_button", "@small_button"),
-            tool_tip_text="Undo all changes of this brush: all parameters as in its file",
-            **common,
-        )
+        tip = "Save these parameters as a new brush; its file names the original brush"
+        self.save = self._button(0, "Save as…", self.ask_name, tip)
+        tip = "Undo all changes of this brush: all parameters as in its file"
+        self.drop = self._button(1, "Revert", self.drop_changes, tip)
+        tip = "Simple: a few sliders; Advanced: all parameters"
+        self.mode = self._button(2, self._mode_words(), self._switch_mode, tip)
         self.refresh()
+
+    def _button(self, k, words, do, tip):
+        """One of the three buttons below the rows."""
+        pad, tall = self.px(8), self.px(30)
+        wide = (self.area.width - 4 * pad) // 3
+        place = pygame.Rect(pad + k * (wide + pad), self.area.height - tall - pad, wide, tall)
+        button = UIButton(place, words, self.manager, self.container, tool_tip_text=tip, object_id="@small_button")
+        self.does[button] = lambda event: do()
+        return button
 
     def close(self):
         self._clear_rows()
@@ -140,10 +130,12 @@ class BrushPanel(Panel):
         if self.menu is not None:
             if self.menu.current_state is not self.menu.menu_states["closed"] and self.offered == names:
                 return  # somebody is choosing
+            del self.does[self.menu]
             self.menu.kill()
         pad, self.offered = self.px(8), list(names)
         rect = pygame.Rect(pad, pad, self.area.width - 2 * pad, self.px(28))
         self.menu = UIDropDownMenu(names, self.name, rect, self.manager, container=self.container, object_id="@choice")
+        self.does[self.menu] = lambda event: self._choose(event.text)
 
     def _say(self, brush, asset):
         count = len(changes(brush, asset))
@@ -161,7 +153,7 @@ class BrushPanel(Panel):
             self.about.show(surface, (texts, self.app.theme.name))
             title, more = brush.title or brush.name, brush.description or "No description."
             self.about.element.set_tooltip(f"<b>{html.escape(title)}</b><br>{html.escape(more)}<br>{whence(brush)}")
-        (self.drop.enable if count else self.drop.disable)() if self.drop.is_enabled != bool(count) else None
+        enabled(self.drop, count)
 
     def _animals(self, brush):
         if not self.is_in_world:
@@ -244,22 +236,16 @@ class BrushPanel(Panel):
         self._show()
 
     def handle(self, event):
-        if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.menu:
-            self.app.brush = self.name = event.text
-            self.refresh()
-            return True
-        if event.type == UI_BUTTON_PRESSED and event.ui_element is self.mode:
-            self.app.memory["brush panel"] = "advanced" if self.is_simple else "simple"
-            self.mode.set_text(self._mode_words())
-            self.refresh()
-            return True
-        if event.type == UI_BUTTON_PRESSED and event.ui_element is self.drop:
-            self.drop_changes()
-            return True
-        if event.type == UI_BUTTON_PRESSED and event.ui_element is self.save:
-            self.ask_name()
-            return True
-        return any(row.handle(event) for row in self.rows)
+        return super().handle(event) or any(row.handle(event) for row in self.rows)
+
+    def _choose(self, name):
+        self.app.brush = self.name = name
+        self.refresh()
+
+    def _switch_mode(self):
+        self.app.memory["brush panel"] = "advanced" if self.is_simple else "simple"
+        self.mode.set_text(self._mode_words())
+        self.refresh()
 
     def drop_changes(self):
         """Reset all parameters to the values in the file."""

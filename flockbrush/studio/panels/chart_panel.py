@@ -48,7 +48,7 @@ class ChartsPanel(ScrollPanel):
         self.refresh()
 
     def _strip(self, name, y, tall, tip) -> int:
-        self.strips[name] = Picture(pygame.Rect(0, y, self.wide, tall), self.manager, self.scroll, tip)
+        self.strips[name] = self.picture(y, tall, tip)
         return y + tall
 
     def update(self, dt):

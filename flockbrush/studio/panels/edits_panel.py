@@ -5,20 +5,12 @@ from __future__ import annotations
 import math
 
 import pygame
-from pygame_gui import UI_BUTTON_PRESSED, UI_CHECK_BOX_CHECKED, UI_DROP_DOWN_MENU_CHANGED
-from pygame_gui.elements import (
-    UIButton,
-    UICheckBox,
-    UIDropDownMenu,
-    UILabel,
-    UITextEntryLine,
-)
 
 from flockbrush.runs.edit_file import sentence_of
 from flockbrush.runs.run_edits import ALWAYS
 from flockbrush.runs.snapshots import words_of
 from flockbrush.studio.forms import Form, FormRow, number
-from flockbrush.studio.panels.panel import SWITCHED, FieldsPanel, fit
+from flockbrush.studio.panels.panel import FieldsPanel
 
 CHOOSE, EVERYBODY, NEW = "Select all ...", "all animals", "new layer ..."
 
@@ -71,23 +63,6 @@ class EditsPanel(FieldsPanel):
         return self.app.session.edits
 
     # events ------------------------------------------------------------------------
-
-    def handle(self, event):
-        element = getattr(event, "ui_element", None)
-        if self.hear(event):
-            pass
-        elif event.type == UI_BUTTON_PRESSED and element in self.buttons:
-            self.buttons[element]()
-        elif event.type == UI_DROP_DOWN_MENU_CHANGED and element is self.selecting:
-            self._select(event.text)
-        elif event.type == UI_DROP_DOWN_MENU_CHANGED and element is self.layering:
-            self._choose_layer(event.text)
-        elif event.type in SWITCHED and element in self.boxes:
-            self.app.guard_edits(self.edits.switch, self.boxes[element], event.type == UI_CHECK_BOX_CHECKED)
-        else:
-            return False
-        self.soon()
-        return True
 
     def _select(self, words):
         if words == CHOOSE:
@@ -191,7 +166,7 @@ class EditsPanel(FieldsPanel):
     def _lay_out(self):
         """Make the widgets of what there is now."""
         self.clear()
-        self.buttons, self.boxes, self.wait = {}, {}, None
+        self.boxes, self.wait = {}, None
         self.half = (self.inner - self.px(6)) // 2
         y = self._selection(0)
         y = self._times(y)
@@ -201,74 +176,50 @@ class EditsPanel(FieldsPanel):
 
     def _selection(self, y):
         count = len(self.edits.selected)
-        self._label(f"{count or 'No'} animal{'s' * (count != 1)} selected", y, "@heading")
+        self.label(f"{count or 'No'} animal{'s' * (count != 1)} selected", 0, y, self.inner, "@heading")
         words = words_of(self.app.session.simulation)
         offered = [CHOOSE, EVERYBODY] + [f"{column} {name}" for column in ("species", "brush", "state")
                                          for name in words[column] if name]  # fmt: skip
         place = pygame.Rect(0, y + self.px(28), self.inner, self.px(28))
-        self.selecting = self.part(UIDropDownMenu(offered, CHOOSE, place, self.manager, container=self.scroll))
+        self.menu(offered, CHOOSE, place, self._select)
         return y + self.px(64)
 
     def _times(self, y):
         self.times = {}
         ends = {"start": ("From, s", self.edits.start), "end": ("Until, s", self.edits.end)}
         for name, (words, value) in ends.items():
-            self._label(words, y, wide=self.px(72))
-            field = pygame.Rect(self.px(76), y, self.inner - self.px(76 + 66), self.px(28))
-            text = "end" if math.isinf(value) else f"{value:.12g}"
-            entry = UITextEntryLine(field, self.manager, container=self.scroll, initial_text=text)
-            self.times[name] = self.part(entry)
-            self.fields[entry] = self._take_times
-            self._button("Now", lambda name=name: self._now(name), self.inner - self.px(60), y, self.px(60))
+            self.label(words, 0, y, self.px(72))
+            place = pygame.Rect(self.px(76), y, self.inner - self.px(76 + 66), self.px(28))
+            self.times[name] = self.field("end" if math.isinf(value) else f"{value:.12g}", place, self._take_times)
+            self.button("Now", lambda name=name: self._now(name), self.inner - self.px(60), y, self.px(60))
             y += self.px(32)
         return y + self.px(6)
 
     def _changes(self, y):
         for k, (kind, change) in enumerate(CHANGES.items()):
             x = k % 2 * (self.half + self.px(6))
-            new_button = self._button(change.title, lambda kind=kind: self._change(kind), x, y, self.half)
-            new_button.set_tooltip(change.tip)
+            self.button(change.title, lambda kind=kind: self._change(kind), x, y, self.half, change.tip)
             y += self.px(32) * (k % 2)
         if self.edits.waiting is not None:
-            self.wait = self._label("Edits of time are prepared", y)
+            self.wait = self.label("Edits of time are prepared", 0, y, self.inner)
             y += self.px(28)
         return y + self.px(8)
 
     def _layers(self, y):
         edits = self.edits
         names = list(dict.fromkeys([*(layer.name for layer in edits.file.layers), edits.layer]))
-        self._label("New edits go to", y, wide=self.half)
+        self.label("New edits go to", 0, y, self.half)
         place = pygame.Rect(self.half, y, self.inner - self.half, self.px(28))
-        self.layering = self.part(
-            UIDropDownMenu([*names, NEW], edits.layer, place, self.manager, container=self.scroll)
-        )
+        self.menu([*names, NEW], edits.layer, place, self._choose_layer)
         y += self.px(36)
         for layer in edits.file.layers:
-            side = self.px(20)
-            box = UICheckBox(
-                pygame.Rect(0, y + self.px(4), side, side), layer.name, self.manager, container=self.scroll,
-                object_id="@check", initial_state=layer.on, tool_tip_text="Whether exports apply this layer",
-            )  # fmt: skip
-            self.boxes[self.part(box)] = layer.name
+            switch = lambda on, name=layer.name: self.app.guard_edits(self.edits.switch, name, on)  # noqa: E731
+            box = self.check(layer.name, y + self.px(4), layer.on, switch, "Whether exports apply this layer")
+            self.boxes[box] = layer.name
             remove = lambda name=layer.name: self.app.guard_edits(self.edits.remove_layer, name)  # noqa: E731
-            self._button("×", remove, self.inner - self.px(28), y, self.px(26))
+            self.button("×", remove, self.inner - self.px(28), y, self.px(26))
             y += self.px(30)
             for edit in layer.edits:
-                self._label(sentence_of(edit), y, "@muted", self.inner, left=self.px(10))
+                self.label(sentence_of(edit), self.px(10), y, self.inner - self.px(10), "@muted")
                 y += self.px(22)
         return y
-
-    # widgets -----------------------------------------------------------------------
-
-    def _label(self, text, y, kind="@row", wide=None, left=0):
-        room = (wide or self.inner) - left
-        place = pygame.Rect(left, y, room, self.px(26))
-        label = self.part(UILabel(place, "", self.manager, container=self.scroll, object_id=kind))
-        fit(label, text, room)
-        return label
-
-    def _button(self, words, action, x, y, wide):
-        place = pygame.Rect(x, y, wide, self.px(28))
-        button = self.part(UIButton(place, words, self.manager, container=self.scroll, object_id="@small_button"))
-        self.buttons[button] = action
-        return button

@@ -11,7 +11,15 @@ from pygame_gui import (
     UI_TEXT_ENTRY_CHANGED,
     UI_TEXT_ENTRY_FINISHED,
 )
-from pygame_gui.elements import UIButton, UIDropDownMenu, UIImage, UIScrollingContainer
+from pygame_gui.elements import (
+    UIButton,
+    UICheckBox,
+    UIDropDownMenu,
+    UIImage,
+    UILabel,
+    UIScrollingContainer,
+    UITextEntryLine,
+)
 
 from flockbrush.render.style import worn
 from flockbrush.studio.theme import chrome, font, px
@@ -20,8 +28,7 @@ from flockbrush.systems.palette import Palette
 
 FRESH = 0.25  # s; numbers that change faster than this cannot be read, and cost time
 SCROLL_BAR = 20  # pixels, whatever the scale
-SWITCHED = (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED)
-_ACTS = (UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED, *SWITCHED)
+_ACTS = (UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED, UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED)
 
 
 class Panel:
@@ -34,6 +41,11 @@ class Panel:
         ``seconds``, ``memory``, ``remember``, ``notify``, ``ask_text``, ``set_theme``, ``set_scale`` and ``colour_of``.
     manager : pygame_gui.UIManager
     container : pygame_gui.elements.UIPanel
+
+    Attributes
+    ----------
+    does : dict
+        {button, check box or menu: what is called with the event of its use}.
     """
 
     title = ""
@@ -41,7 +53,7 @@ class Panel:
 
     def __init__(self, app, manager, container):
         self.app, self.manager, self.container = app, manager, container
-        self._stale = 0.0
+        self._stale, self.does = 0.0, {}
         self._know_bold()
         self.make()
 
@@ -57,7 +69,10 @@ class Panel:
 
     def handle(self, event) -> bool:
         """Answer an event; True when it was meant for this panel."""
-        return False
+        do = self.does.get(event.ui_element) if event.type in _ACTS else None
+        if do is not None:
+            do(event)
+        return do is not None
 
     def refresh(self):
         """Show what is so now.  Called at most four times a second."""
@@ -72,12 +87,6 @@ class Panel:
     def soon(self):
         """Refresh in the next frame."""
         self._stale = 0.0
-
-    def resize(self):
-        """The container has another size, or the look has changed: the widgets are made anew."""
-        self.close()
-        self.make()
-        self.soon()
 
     def close(self):
         """Take all widgets away."""
@@ -113,16 +122,74 @@ class Panel:
 
 
 class ScrollPanel(Panel):
-    """A tab whose widgets are in a scrolling container, `scroll`, with columns `inner` pixels wide."""
+    """A tab whose widgets are in a scrolling container, `scroll`, with columns `inner` pixels wide.
+
+    Attributes
+    ----------
+    parts : list
+        The widgets of the layout.
+    """
 
     def make(self):
         px, area = self.px, self.area
         place = pygame.Rect(px(8), px(4), area.width - px(8), area.height - px(8))
         self.scroll = UIScrollingContainer(place, self.manager, container=self.container, allow_scroll_x=False)
         self.wide = self.inner
+        self.parts: list = []
 
     def close(self):
         self.scroll.kill()
+
+    def clear(self):
+        """Take the widgets of the layout away."""
+        for part in self.parts:
+            part.kill()
+        self.parts, self.does = [], {}
+
+    def part(self, widget, do=None):
+        """Add a widget to the layout; `do` is called with the events of its use."""
+        self.parts.append(widget)
+        if do is not None:
+            self.does[widget] = do
+        return widget
+
+    def picture(self, y, tall, tip=None):
+        """A picture over the whole width."""
+        return self.part(Picture(pygame.Rect(0, y, self.wide, tall), self.manager, self.scroll, tip))
+
+    def heading(self, text, y) -> int:
+        """A heading; returns where what follows begins."""
+        place = pygame.Rect(0, y, self.wide, self.px(26))
+        self.part(UILabel(place, text, self.manager, container=self.scroll, object_id="@heading"))
+        return place.bottom
+
+    def label(self, text, x, y, wide, kind="@row"):
+        """One line of words, shortened to its room."""
+        place = pygame.Rect(x, y, wide, self.px(26))
+        label = self.part(UILabel(place, "", self.manager, container=self.scroll, object_id=kind))
+        label.set_text(fitted(text, label.font, wide - 6))
+        if label.text != text:
+            label.set_tooltip(text)
+        return label
+
+    def button(self, text, do, x, y, wide, tip=None):
+        """A button; a press calls `do`."""
+        place, look = pygame.Rect(x, y, wide, self.px(28)), "@small_button"
+        button = UIButton(place, text, self.manager, container=self.scroll, tool_tip_text=tip, object_id=look)
+        return self.part(button, lambda event: do())
+
+    def check(self, text, y, on, do, tip):
+        """A check box with its words; `do` is given whether it is checked."""
+        place = pygame.Rect(0, y, self.px(20), self.px(20))
+        box = UICheckBox(
+            place, text, self.manager, container=self.scroll, object_id="@check", initial_state=on, tool_tip_text=tip
+        )
+        return self.part(box, lambda event: do(event.type == UI_CHECK_BOX_CHECKED))
+
+    def menu(self, options, chosen, place, do, look=None):
+        """A drop-down; `do` is given the text that is chosen."""
+        menu = UIDropDownMenu(list(options), chosen, place, self.manager, container=self.scroll, object_id=look)
+        return self.part(menu, lambda event: do(event.text))
 
 
 class FieldsPanel(ScrollPanel):
@@ -130,35 +197,33 @@ class FieldsPanel(ScrollPanel):
 
     Attributes
     ----------
-    parts : list
-        The widgets of the layout.
     fields : dict
-        {text field among them: what takes its text; False when it is refused}.
+        {text field among the parts: what takes its text; False when it is refused}.
     """
 
     def make(self):
         super().make()
-        self.parts: list = []
-        self._clear()
+        self.clear()
 
-    def _clear(self):
+    def clear(self):
+        super().clear()
         self.fields: dict = {}
         self._typed: dict = {}  # fields whose text is not yet taken, in the order of typing
         self._left = 0  # frames since nobody has used a widget
 
-    def clear(self):
-        """Take the widgets of the layout away."""
-        for part in self.parts:
-            part.kill()
-        self.parts = []
-        self._clear()
+    def field(self, text, place, take):
+        """A text field; `take` takes what is typed."""
+        field = self.part(UITextEntryLine(place, self.manager, container=self.scroll, initial_text=text))
+        self.fields[field] = take
+        return field
 
-    def part(self, widget):
-        """Add a widget to the layout."""
-        self.parts.append(widget)
-        return widget
+    def handle(self, event):
+        handled = self._hear(event) or super().handle(event)
+        if handled:
+            self.soon()
+        return handled
 
-    def hear(self, event) -> bool:
+    def _hear(self, event) -> bool:
         """Note or take what is typed; whether the event asks for no more, or what was typed before it is refused."""
         element = getattr(event, "ui_element", None)
         if element in self.fields and event.type in (UI_TEXT_ENTRY_CHANGED, UI_TEXT_ENTRY_FINISHED):
@@ -236,13 +301,6 @@ def write(surface, text, at, height, colour, anchor=(0.0, 0.5), bold=False, room
     width, tall = image.get_size()
     surface.blit(image, (round(at[0] - anchor[0] * width), round(at[1] - anchor[1] * tall)))
     return width
-
-
-def fit(label, text, room):
-    """Give a label as much of a text as fits into the room, pixels; the whole text is its tooltip then."""
-    label.set_text(fitted(text, label.font, room - 6))
-    if label.text != text:
-        label.set_tooltip(text)
 
 
 def picture_on(button, surface):

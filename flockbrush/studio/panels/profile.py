@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import re
 
-import pygame
-from pygame_gui.elements import UILabel
-
 from flockbrush.studio.panels.bars import Bar, bars_picture
 from flockbrush.studio.panels.panel import Picture, ScrollPanel
 
@@ -30,15 +27,10 @@ class ProfilePanel(ScrollPanel):
         px = self.px
         self.means = dict.fromkeys(FRAME, 0.0)
         self.row = px(22)
-        self._head("Frame, mean ms", 0)
+        self.heading("Frame, mean ms", 0)
         tip = "<br>".join(f"<b>{name}</b>: {meaning}" for name, meaning in FRAME.items())
-        self.frame = Picture(
-            pygame.Rect(0, px(28), self.wide, 5 * self.row),
-            self.manager,
-            self.scroll,
-            f"{tip}<br>60 frames per second: 16.7 ms",
-        )
-        self._head("Tick by system, mean ms", px(36) + 5 * self.row)
+        self.frame = self.picture(px(28), 5 * self.row, f"{tip}<br>60 frames per second: 16.7 ms")
+        self.heading("Tick by system, mean ms", px(36) + 5 * self.row)
         self.systems = None
         self.refresh()
 
@@ -71,13 +63,9 @@ class ProfilePanel(ScrollPanel):
             if self.systems is not None:
                 self.systems.kill()
             top = px(64) + 5 * self.row
-            self.systems = Picture(pygame.Rect(0, top, self.wide, tall), self.manager, self.scroll)
+            self.systems = self.picture(top, tall)
             self.scroll.set_scrollable_area_dimensions((self.wide, top + tall))
         self.systems.show(bars_picture(bars, self.systems.size, self.row, self.px(13), self.colours))
-
-    def _head(self, words, y):
-        rect = pygame.Rect(0, y, self.wide, self.px(26))
-        UILabel(rect, words, self.manager, container=self.scroll, object_id="@heading")
 
 
 def words_of(name) -> str:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import pygame
-from pygame_gui import UI_BUTTON_PRESSED, UI_DROP_DOWN_MENU_CHANGED
-from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UITextEntryLine
 
 from flockbrush.behaviours.program import load_program
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.studio.needed import program_needed, programs_of
-from flockbrush.studio.panels.panel import FieldsPanel, fit
+from flockbrush.studio.panels.panel import FieldsPanel
 from flockbrush.studio.panels.program_form import cards_of, changed, with_state, with_trigger, without
 from flockbrush.systems.program_commands import Event, GiveProgram, heard
 from flockbrush.systems.program_reports import counts
@@ -24,7 +22,7 @@ class StatesPanel(FieldsPanel):
 
     def make(self):
         super().make()
-        self.number, self.shown, self.rows, self.buttons = 0, None, {}, {}
+        self.number, self.shown, self.rows = 0, None, {}
         self.counted: dict = {}
         self.refresh()
 
@@ -59,18 +57,6 @@ class StatesPanel(FieldsPanel):
 
     # events ------------------------------------------------------------------------
 
-    def handle(self, event):
-        element = getattr(event, "ui_element", None)
-        if self.hear(event):
-            return True
-        if event.type == UI_DROP_DOWN_MENU_CHANGED and element in self.rows:
-            self._change(self.rows[element], event.text)
-            return True
-        if event.type == UI_BUTTON_PRESSED and element in self.buttons:
-            self.buttons[element]()
-            return True
-        return False
-
     def _change(self, row, text):
         """Change a row; False when the text is refused."""
         return text == row.text or self._edit(f"{row.label} of {row.path[1]}", lambda: changed(self.program, row, text))
@@ -93,9 +79,6 @@ class StatesPanel(FieldsPanel):
     def _ask_program(self):
         names = ", ".join(programs_of(self.app.session).names())
         self.app.ask_text("Program", f"Program for all animals ({names}):", "stampede", self.give)
-
-    def _ask_folder(self):
-        self.app.ask_for_program(self.program)
 
     def _next(self):
         self.number = (self.number + 1) % max(len(self.world.resource(Programs)), 1)
@@ -123,45 +106,45 @@ class StatesPanel(FieldsPanel):
     def _lay_out(self, program):
         """Make the widgets of a program's cards."""
         self.clear()
-        self.rows, self.buttons, self.counted = {}, {}, {}
+        self.rows, self.counted = {}, {}
         y = self._top(program)
         if program is not None:
             for card in cards_of(program, self._brushes()):
                 y = self._card(card, y)
             half = (self.inner - self.px(6)) // 2
-            self._button("Add state", self._ask_state, 0, y, half)
+            self.button("Add state", self._ask_state, 0, y, half)
             add = lambda: self._edit("trigger", lambda: with_trigger(self.program))  # noqa: E731
-            self._button("Add trigger", add, half + self.px(6), y, half)
+            self.button("Add trigger", add, half + self.px(6), y, half)
             y += self.px(34)
-            self._button("Save program", self._ask_folder, 0, y, self.inner)
+            self.button("Save program", lambda: self.app.ask_for_program(self.program), 0, y, self.inner)
             y += self.px(34)
         self.scroll.set_scrollable_area_dimensions((self.inner, y + self.px(6)))
 
     def _top(self, program):
         px, half = self.px, (self.inner - self.px(6)) // 2
         if program is None:
-            self._label("No animal follows a program.", 0, 0, self.inner)
-            self._button("Choose a program", self._ask_program, 0, px(30), self.inner)
+            self.label("No animal follows a program.", 0, 0, self.inner)
+            self.button("Choose a program", self._ask_program, 0, px(30), self.inner)
             return px(66)
-        self._label(program.title or program.name, 0, 0, self.inner, "@heading")
+        self.label(program.title or program.name, 0, 0, self.inner, "@heading")
         y, events = px(28), heard(self.world)
         several = len(self.world.resource(Programs)) > 1
         if several:
-            self._button("Next program", self._next, 0, y, half)
-        self._button("Choose a program", self._ask_program, (half + px(6)) * several, y, half)
+            self.button("Next program", self._next, 0, y, half)
+        self.button("Choose a program", self._ask_program, (half + px(6)) * several, y, half)
         y += px(32)
         for k, name in enumerate(events):
             event = lambda name=name: self.app.session.do(f"event {name}", [Event(name)])  # noqa: E731
-            self._button(f"Event: {name}", event, (k % 2) * (half + px(6)), y + (k // 2) * px(32), half)
+            self.button(f"Event: {name}", event, (k % 2) * (half + px(6)), y + (k // 2) * px(32), half)
         return y + -(-len(events) // 2) * px(32) + px(4)
 
     def _card(self, card, y):
         px = self.px
-        label = self._label(card.title, 0, y, self.inner - px(34), "@heading")
+        label = self.label(card.title, 0, y, self.inner - px(34), "@heading")
         if card.path[0] == "state":
             self.counted[card.title] = label
         remove = lambda: self._edit(f"remove {card.title}", lambda: without(self.program, card.path))  # noqa: E731
-        self._button("×", remove, self.inner - px(28), y, px(26))
+        self.button("×", remove, self.inner - px(28), y, px(26))
         y += px(28)
         for row in card.rows:
             self._row(row, y)
@@ -170,22 +153,10 @@ class StatesPanel(FieldsPanel):
 
     def _row(self, row, y):
         px, left = self.px, round(0.42 * self.inner)
-        self._label(row.label, px(6 + 10 * row.depth), y, left - px(8 + 10 * row.depth))
+        self.label(row.label, px(6 + 10 * row.depth), y, left - px(8 + 10 * row.depth))
         place = pygame.Rect(left, y, self.inner - left, px(26))
         if row.choices and row.text in row.choices:
-            widget = UIDropDownMenu(list(row.choices), row.text, place, self.manager, container=self.scroll)
+            widget = self.menu(row.choices, row.text, place, lambda text: self._change(row, text))
         else:
-            widget = UITextEntryLine(place, self.manager, container=self.scroll, initial_text=row.text)
-            self.fields[widget] = lambda: self._change(row, widget.get_text())
-        self.rows[self.part(widget)] = row
-
-    def _label(self, text, x, y, wide, kind="@row"):
-        place = pygame.Rect(x, y, wide, self.px(26))
-        label = self.part(UILabel(place, "", self.manager, container=self.scroll, object_id=kind))
-        fit(label, text, wide)
-        return label
-
-    def _button(self, words, action, x, y, wide):
-        place = pygame.Rect(x, y, wide, self.px(28))
-        button = self.part(UIButton(place, words, self.manager, container=self.scroll, object_id="@small_button"))
-        self.buttons[button] = action
+            widget = self.field(row.text, place, lambda: self._change(row, widget.get_text()))
+        self.rows[widget] = row

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pygame
-from pygame_gui import UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED, UI_DROP_DOWN_MENU_CHANGED
-from pygame_gui.elements import UICheckBox, UIDropDownMenu, UILabel
+from pygame_gui.elements import UILabel
 
 from flockbrush.render.overlay_registry import OVERLAYS, load_overlays
 from flockbrush.render.style import PALETTES, THEMES
@@ -32,28 +31,24 @@ class ViewPanel(ScrollPanel):
     def make(self):
         super().make()
         px = self.px
-        self.camera, self.boxes, y = {}, {}, self._head("Camera", 0)
+        self.camera, self.boxes, y = {}, {}, self.heading("Camera", 0)
         for name, (words, tip) in CAMERA.items():
-            self.camera[name] = self._check(words, tip, y, self._camera_now(name))
+            turn = lambda on, name=name: self._turn(name, on)  # noqa: E731
+            self.camera[name] = self.check(words, y, self._camera_now(name), turn, tip)
             y += px(24)
         y += px(4)
         for heading, offered in overlays().items():
-            y = self._head(heading, y)
+            y = self.heading(heading, y)
             for name, (words, tip) in offered.items():
-                self.boxes[name] = self._check(words, tip, y, name in self.app.overlays)
+                show = lambda on, name=name: self._show(name, on)  # noqa: E731
+                self.boxes[name] = self.check(words, y, name in self.app.overlays, show, tip)
                 y += px(24)
             y += px(4)
-        y = self._head("Window", y)
-        self._label("Colours", y)
-        self.theme = self._menu(list(THEMES), self.app.theme.name, y)
-        y += px(34)
-        self._label("Brushes", y)
-        self.palette = self._menu(list(PALETTES), self.app.theme.palette, y)
-        y += px(34)
-        self._label("Text size", y)
-        self.scale = self._menu([AUTOMATIC, *map(said, SCALES)], self._scale_now(), y)
-        y += px(38)
-        self.scroll.set_scrollable_area_dimensions((self.wide, y))
+        y, theme, scales = self.heading("Window", y), self.app.theme, [AUTOMATIC, *map(said, SCALES)]
+        self.theme = self._menu("Colours", THEMES, theme.name, self.app.set_theme, y)
+        self._menu("Brushes", PALETTES, theme.palette, self.app.set_palette, y + px(34))
+        self.scale = self._menu("Text size", scales, self._scale_now(), self._set_scale, y + px(68))
+        self.scroll.set_scrollable_area_dimensions((self.wide, y + px(106)))
 
     def refresh(self):
         for name, box in self.boxes.items():
@@ -63,28 +58,16 @@ class ViewPanel(ScrollPanel):
             if box.is_checked != self._camera_now(name):
                 box.set_state(self._camera_now(name))
 
-    def handle(self, event):
-        if event.type in (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED) and event.ui_element in self.camera.values():
-            for name, box in self.camera.items():
-                if event.ui_element is box and box.is_checked != self._camera_now(name):
-                    (self.app.toggle_space if name == "space" else self.app.toggle_follow)()
-            return True
-        if event.type in (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED):
-            for name, box in self.boxes.items():
-                if event.ui_element is box:
-                    (self.app.overlays.add if box.is_checked else self.app.overlays.discard)(name)
-                    self.app.remember(overlays={**self.app.settings.overlays, name: box.is_checked})
-                    return True
-        if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.theme:
-            self.app.set_theme(event.text)
-            return True
-        if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.palette:
-            self.app.set_palette(event.text)
-            return True
-        if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.scale:
-            self.app.set_scale(None if event.text == AUTOMATIC else float(event.text.rstrip(" %")) / 100)
-            return True
-        return False
+    def _turn(self, name, on):
+        if on != self._camera_now(name):
+            (self.app.toggle_space if name == "space" else self.app.toggle_follow)()
+
+    def _show(self, name, on):
+        (self.app.overlays.add if on else self.app.overlays.discard)(name)
+        self.app.remember(overlays={**self.app.settings.overlays, name: on})
+
+    def _set_scale(self, text):
+        self.app.set_scale(None if text == AUTOMATIC else float(text.rstrip(" %")) / 100)
 
     def _camera_now(self, name) -> bool:
         """Whether the view is in space, or follows."""
@@ -93,30 +76,15 @@ class ViewPanel(ScrollPanel):
 
     # widgets ---------------------------------------------------------------------
 
-    def _head(self, words, y) -> int:
-        """A heading; returns where what follows begins."""
-        rect = pygame.Rect(0, y, self.wide, self.px(26))
-        UILabel(rect, words, self.manager, container=self.scroll, object_id="@heading")
-        return y + self.px(26)
-
-    def _label(self, words, y):
+    def _menu(self, words, options, chosen, do, y):
+        """A menu with its words before it."""
         rect = pygame.Rect(0, y, self.wide // 2 - self.px(8), self.px(28))
         UILabel(rect, words, self.manager, container=self.scroll, object_id="@panel_row")
-
-    def _check(self, words, tip, y, checked) -> UICheckBox:
-        side = self.px(20)
-        return UICheckBox(
-            pygame.Rect(0, y, side, side), words, self.manager, container=self.scroll, object_id="@check",
-            initial_state=checked, tool_tip_text=tip,
-        )  # fmt: skip
-
-    def _menu(self, options, chosen, y) -> UIDropDownMenu:
-        rect = pygame.Rect(self.wide // 2, y, self.wide // 2, self.px(28))
-        return UIDropDownMenu(options, chosen, rect, self.manager, container=self.scroll, object_id="@up")
+        return self.menu(options, chosen, pygame.Rect(self.wide // 2, y, self.wide // 2, self.px(28)), do, "@up")
 
     def _scale_now(self) -> str:
         """What the person has chosen, as the drop-down says it."""
-        chosen = self.app.settings.ui_scale if self.app.settings is not None else None
+        chosen = self.app.settings.ui_scale
         return said(min(SCALES, key=lambda scale: abs(scale - chosen))) if chosen else AUTOMATIC
 
 
