@@ -12,15 +12,15 @@ import pygame_gui
 from pygame_gui.elements import UIHorizontalSlider, UIPanel
 
 from flockbrush.engine.files import claimed
-from flockbrush.lifting.flight_show import ENDINGS, METHODS, Show, Solver, with_wish
+from flockbrush.lifting.flight_show import ENDINGS, METHODS, Show, Solver, Wanted, with_wish
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.orbit import OrbitCamera
 from flockbrush.render.space_view import SpacePainter
 from flockbrush.render.style import mix
 from flockbrush.studio.film.clip_column import ClipColumn
 from flockbrush.studio.theme import chrome, px
-from flockbrush.studio.widgets import NO_MARGINS, icon_button, set_icon, words
-from flockbrush.studio.window import Window
+from flockbrush.studio.widgets import NO_MARGINS, enabled, set_icon, words
+from flockbrush.studio.window import FramesWindow
 
 HINT = "Drag: orbit   Right drag: move   Wheel: zoom   Click: select a bird   Space: play"
 FROM_CAMERA = "   C: camera view"
@@ -36,7 +36,7 @@ SLIDERS = (  # name, what is set, lowest, highest, whether equal steps multiply,
 )
 
 
-class LiftWindow(Window):
+class LiftWindow(FramesWindow):
     """The window that shows a flight.
 
     Parameters
@@ -96,20 +96,11 @@ class LiftWindow(Window):
 
     def _build_foot(self, rect):
         back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
-        side, gap, x = px(self.scale, 34), px(self.scale, 3), px(self.scale, 8)
-        self._icon = ""
-        for picture, tip, do in (
-            ("back", "Previous frame (Left)", lambda: self.step(-1)), ("play", "Play or pause (Space)", self.toggle),
-            ("step", "Next frame (Right)", lambda: self.step(1)), ("fit", "Show everything (0)", self.fit),
-            ("camera", "View from the camera (C)", self.from_camera),
-        ):  # fmt: skip
-            new_button = icon_button(self, pygame.Rect(x, px(self.scale, 6), side, side), picture, tip, back)
-            self.buttons[new_button] = do
-            if picture == "play":
-                self.play = new_button
-            if picture == "camera" and self.show.camera is None:
-                new_button.disable()
-            x += side + gap
+        more = ("fit", "Show everything (0)", self.fit), ("camera", "View from the camera (C)", self.from_camera)
+        _, self.play, *_, from_camera = self.frame_buttons(back, *more)
+        enabled(from_camera, self.show.camera is not None)
+        gap = px(self.scale, 3)
+        x = from_camera.relative_rect.right + gap
         wide = px(self.scale, 200)
         self.clock = words(
             self, pygame.Rect(rect.width - wide - 3 * gap, px(self.scale, 10), wide, px(self.scale, 24)), "", back,
@@ -137,7 +128,6 @@ class LiftWindow(Window):
                     power=power, tip=tip,
                 )  # fmt: skip
             self.method = column.button(self._method(), self.other_method, "Global solve, or descent of the thesis")
-            self.buttons_in_column = column.buttons
             column.button("Reset", self.reset, "Reset all sliders")
         column.heading(f"{self.show.animal.capitalize()}s")
         column.slider(
@@ -167,10 +157,7 @@ class LiftWindow(Window):
         if self.show.camera is not None:
             busy = "solving …" if self.solver.busy else ""
             self.solved.say(busy or (f"solved in {self.solver.seconds:.2f} s" if self.solver.seconds else ""))
-        icon_name = "pause" if self.playing else "play"
-        if icon_name != self._icon:
-            self._icon = icon_name
-            set_icon(self, self.play, icon_name)
+        set_icon(self, self.play, "pause" if self.playing else "play")
         if self.scrub.get_current_value() != self.k and not self.scrub.has_moved_recently:
             self.scrub.set_current_value(self.k)
             self.scrub.has_moved_recently = False
@@ -211,9 +198,7 @@ class LiftWindow(Window):
         self._draw_ways(canvas)
         if self.show.camera is not None:
             self._draw_camera(canvas)
-        self.screen.blit(pygame.image.frombuffer(image.tobytes(), self.area.size, "RGB"), self.area)
-        self.toasts.draw(self.screen, self.area, self.theme, self.scale)
-        self.manager.draw_ui(self.screen)
+        self.show_image(image)
         pygame.display.flip()
 
     def _draw_ways(self, canvas):
@@ -256,23 +241,23 @@ class LiftWindow(Window):
 
     # what a person does ---------------------------------------------------------------------
 
-    def _key(self, key):
-        steps = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.show), "end": len(self.show)}
-        does = {
-            "space": self.toggle, "0": self.fit, "c": self.from_camera, "ctrl+s": self.ask_export, "b": self.ask_brush,
-            "ctrl+q": self.ask_to_quit, "escape": self.cancel,
+    @property
+    def count(self):
+        """How many frames there are."""
+        return len(self.show)
+
+    def keys(self):
+        return {
+            "space": self.toggle_play, "0": self.fit, "c": self.from_camera, "ctrl+s": self.ask_export,
+            "b": self.ask_brush, "ctrl+q": self.ask_to_quit, "escape": self.cancel,
         }  # fmt: skip
-        if key in steps:
-            self.step(steps[key])
-        elif key in does:
-            does[key]()
 
     def _of_parts(self, event):
         if event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.scrub:
             self.playing = False
             self.at = float(round(event.value))
             return True
-        return self.column.handle(event)
+        return super()._of_parts(event)
 
     def _press(self, at, button):
         moves = button == 3 or pygame.key.get_mods() & pygame.KMOD_SHIFT
@@ -316,7 +301,7 @@ class LiftWindow(Window):
         self.playing = False
         self.at = float(np.clip(self.k + frames, 0, len(self.show) - 1))
 
-    def toggle(self):
+    def toggle_play(self):
         """Play or stop; from the end, begin anew."""
         self.playing = not self.playing
         if self.playing and self.k == len(self.show) - 1:
@@ -375,8 +360,6 @@ class LiftWindow(Window):
 
     def reset(self):
         """All sliders as they were at first."""
-        from flockbrush.lifting.flight_show import Wanted
-
         self.wanted = Wanted()
         for slider, (_, key, *_rest) in zip(self.column.sliders, SLIDERS, strict=False):
             slider.set(self._value(key))

@@ -63,7 +63,7 @@ class TimeBar:
             place = pygame.Rect(x + gap, (self.rect.height - px(app.scale, 28)) // 2, wide, px(app.scale, 28))
             self.rates = self._menu(list(RATES), self._rate(), place.move(self.rect.topleft))
             x += wide + 2 * gap
-        self.left, self._icon = x, "play"
+        self.left = x
 
     def _menu(self, names, chosen, place):
         return UpMenu(names, chosen, place, self.app.manager, object_id="@up")  # within the bar its list would be cut
@@ -133,10 +133,7 @@ class TimeBar:
     def update(self):
         """Show what is so now."""
         app, session = self.app, self.app.session
-        icon_name = "pause" if session.playing else "play"
-        if icon_name != self._icon:
-            self._icon = icon_name
-            set_icon(app, self.buttons["play"], icon_name)
+        set_icon(app, self.buttons["play"], "pause" if session.playing else "play")
         if self.rates is not None and self.rates.selected_option[0] != self._rate():
             self._renew_rates()
         if self.clock is not None:

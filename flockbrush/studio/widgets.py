@@ -49,16 +49,26 @@ class PictureButton(UIButton):
         super().rebuild()
 
 
-def icon_button(app, rect, picture, tip, container, object_id="@tool", size=18) -> PictureButton:
+def icon_button(app, rect, picture, tip, container, size=18) -> PictureButton:
     """A button with one of our icons."""
-    return PictureButton(
-        rect, "", app.manager, container, tool_tip_text=tip, object_id=object_id, pictures=_icons(app, picture, size)
-    )
+    icons = _icons(app, picture, size)
+    button = PictureButton(rect, "", app.manager, container, tool_tip_text=tip, object_id="@tool", pictures=icons)
+    button.icon = picture
+    return button
 
 
-def set_icon(app, button, picture, size=18):
-    """Show another icon on a button."""
-    button.picture(*_icons(app, picture, size))
+def icon_row(app, place, step, icons, container) -> list[PictureButton]:
+    """Buttons from a place on, `step` pixels from one to the next: (icon, tip, what a press does) each."""
+    buttons = [icon_button(app, place.move(k * step, 0), *icon[:2], container) for k, icon in enumerate(icons)]
+    app.buttons |= {button: do for button, (_, _, do) in zip(buttons, icons, strict=True)}
+    return buttons
+
+
+def set_icon(app, button, picture):
+    """Show an icon on a button, if it shows another."""
+    if picture != button.icon:
+        button.icon = picture
+        button.picture(*_icons(app, picture, 18))
 
 
 def _icons(app, picture, size):
@@ -97,12 +107,10 @@ def close_menus(manager) -> bool:
     return bool(menus)
 
 
-def action_button(app, rect, name, container, size=18) -> PictureButton:
+def action_button(app, rect, name, container) -> PictureButton:
     """The button of an action of the table; a press does it."""
     action = BY_NAME[name]
-    button = icon_button(app, rect, action.icon, tip_of(action), container, size=size)
-    app.buttons[button] = partial(action.do, app)
-    return button
+    return icon_row(app, rect, 0, [(action.icon, tip_of(action), partial(action.do, app))], container)[0]
 
 
 class Shelf(UIScrollingContainer):

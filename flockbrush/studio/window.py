@@ -17,8 +17,9 @@ from flockbrush.studio.manager import Manager
 from flockbrush.studio.opening_key import OpeningKey
 from flockbrush.studio.settings import load_settings
 from flockbrush.studio.shortcuts import key_of
-from flockbrush.studio.theme import look, scale_of
+from flockbrush.studio.theme import look, px, scale_of
 from flockbrush.studio.toasts import Toasts
+from flockbrush.studio.widgets import icon_row
 
 
 class Window:
@@ -370,6 +371,44 @@ class Window:
     def quit(self):
         """Close the window after this frame."""
         self.running = False
+
+
+class FramesWindow(Window):
+    """A window that plays the frames of something in `area`, beside a column.
+
+    A subclass has `count` (of frames), `keys`, `step`, `toggle_play` and `playing`.
+    """
+
+    def keys(self) -> dict:
+        """What keys do, by their names, beside stepping through the frames."""
+        return {}
+
+    def _key(self, key):
+        steps = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -self.count, "end": self.count}
+        if key in steps:
+            self.step(steps[key])
+        else:
+            self.keys().get(key, lambda: None)()
+
+    def _of_parts(self, event):
+        return self.column.handle(event)
+
+    def frame_buttons(self, back, *more) -> list:
+        """Buttons at the left of a bar: to step back, to play, to step on, and more (icon, tip, what a press does)."""
+        side, gap = px(self.scale, 34), px(self.scale, 3)
+        icons = (
+            ("back", "Previous frame (Left)", lambda: self.step(-1)),
+            ("play", "Play or pause (Space)", self.toggle_play),
+            ("step", "Next frame (Right)", lambda: self.step(1)),
+            *more,
+        )
+        return icon_row(self, pygame.Rect(px(self.scale, 8), px(self.scale, 6), side, side), side + gap, icons, back)
+
+    def show_image(self, image):
+        """Put a picture (h, w, 3) of the area onto the screen, and messages and controls above it."""
+        self.screen.blit(pygame.image.frombuffer(image.tobytes(), self.area.size, "RGB"), self.area)
+        self.toasts.draw(self.screen, self.area, self.theme, self.scale)
+        self.manager.draw_ui(self.screen)
 
 
 def said(error) -> str:

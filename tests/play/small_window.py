@@ -69,6 +69,9 @@ class SmallWindow:
     def set_theme(self, name):
         self.asked_theme = name
 
+    def set_palette(self, name):
+        self.asked_palette = name
+
     def set_scale(self, scale):
         self.asked_scale = scale
 

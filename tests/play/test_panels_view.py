@@ -93,7 +93,8 @@ def test_systems_are_named_in_words():
 def test_every_panel_has_a_title_and_a_tip_and_lives_through_a_change_of_size(level, kind):
     window = SmallWindow(level, kind, theme="dark", size=(260, 200))
     assert kind.title and kind.tip
-    window.panel.resize()
+    window.panel.close()
+    window.panel.make()
     window.wait()
     assert window.said == []
     window.close()

@@ -14,7 +14,6 @@ from flockbrush.studio.widgets import enabled
 
 GRAB = 13  # pixels of the screen around a bird that belong to it
 RING = 9  # pixels of the screen, where there is room
-STILL = 4  # pixels of the screen: a shorter way of the mouse is a click
 TAILS = (0.0, 120.0)  # frames
 COLOURS = tuple(rgb(colour) for colour in PALETTE)
 
@@ -31,9 +30,7 @@ class BirdsMode(Mode):
 
     def __init__(self, window):
         super().__init__(window)
-        self.held = (
-            None  # (what: "bird", "number" or "sky"; bird; where it began; where it is now), pixels of the canvas
-        )
+        self.held = None  # ("bird", "number" or "sky"; bird; where it began; where it is now), pixels of the canvas
         self.selected: int | None = None
         self.tail = 30.0
         self._labels: dict[int, pygame.Rect] = {}
@@ -191,11 +188,8 @@ class BirdsMode(Mode):
         else:
             self.window.toasts.say("There are no birds to lift; track them first.", "warning")
 
-    def key(self, key):
-        does = {"f": self.follow, "n": self.next_break, "delete": lambda: self.take_away(self.window.k)}
-        if key in does:
-            does[key]()
-        return key in does
+    def keys(self):
+        return {"f": self.follow, "n": self.next_break, "delete": lambda: self.take_away(self.window.k)}
 
     # the mouse ----------------------------------------------------------------------------
 
@@ -220,20 +214,17 @@ class BirdsMode(Mode):
         self.held = what, bird if number is None else number, at, at
         return True
 
-    def _far(self):
-        return self.held is not None and np.hypot(*(self.held[2] - self.held[3])) > px(self.window.scale, STILL)
-
     def drag(self, place, at):
         if self.held is None:
             return
         what, bird, start, last = self.held
-        if what == "view" or (what == "sky" and self._far()):
+        if what == "view" or (what == "sky" and self.far()):
             self.window.view.shift += at - last
             what = "view"
         self.held = what, bird, start, at
 
     def release(self, place, at):
-        far, held, self.held = self._far(), self.held, None
+        far, held, self.held = self.far(), self.held, None
         if held is None or held[0] == "view":
             return
         what, bird, k = held[0], held[1], self.window.k
@@ -265,8 +256,7 @@ class BirdsMode(Mode):
         return tuple(np.clip(place, 0, np.array(self.window.film.size) - 1).tolist())
 
     def _add(self, place):
-        wide, high = self.window.film.size
-        if 0 <= place[0] < wide and 0 <= place[1] < high:
+        if self.in_picture(place):
             bird = self._lost(place)
             name = self.state.birds.new() if bird is None else bird
             self.edit(
@@ -285,9 +275,6 @@ class BirdsMode(Mode):
         if bird is not None:
             self._remove(self.window.k, bird)
 
-    def let_go(self):
-        self.held = None
-
     # drawing ------------------------------------------------------------------------------
 
     def moments(self):
@@ -299,7 +286,7 @@ class BirdsMode(Mode):
     def draw(self, canvas):
         birds, k, u = self.state.birds, self.window.k, self.window.scale
         places = {bird: self.window.at(place) for bird, place in birds.at(k).items()}
-        if self.held is not None and self.held[0] == "bird" and self._far():
+        if self.held is not None and self.held[0] == "bird" and self.far():
             places[self.held[1]] = self.held[3]
         corrections = birds.corrections.get(k, {})
         if self.tail >= 1:
@@ -312,7 +299,7 @@ class BirdsMode(Mode):
             self._draw_bird(canvas, bird, at, radius, bird in corrections and not corrections[bird][2])
         for bird, place in birds.lost(k).items():
             self._draw_lost(canvas, bird, self.window.at(place), radius)
-        if self.held is not None and self.held[0] == "number" and self._far():
+        if self.held is not None and self.held[0] == "number" and self.far():
             self._draw_number(canvas, self.held[1], self.held[3], keep=False)
 
     def _radius(self, places):

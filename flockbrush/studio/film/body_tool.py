@@ -12,7 +12,6 @@ from flockbrush.studio.film.mode import Mode
 from flockbrush.studio.theme import px
 from flockbrush.studio.widgets import enabled
 
-STILL = 4  # pixels of the screen: a shorter way of the mouse is a click
 GLOW = (255, 0, 180)  # of the mask: no animal and no meadow has it
 
 
@@ -25,7 +24,6 @@ class BodyMode(Mode):
 
     def __init__(self, window):
         super().__init__(window)
-        self.held = None
         self.shown = True
         self._mask: tuple = ((), None)
 
@@ -43,9 +41,7 @@ class BodyMode(Mode):
             "Measure length", self.forget_length, "Clear the length; flockbrush learn then measures it"
         )
         column.heading("Learn")
-        column.button(
-            "Copy command", self.window.copy_line, "Copy the flockbrush learn command to the clipboard (Ctrl+C)"
-        )
+        self.offer_command(column)
 
     def freshen(self):
         marks = self.state.marks
@@ -76,10 +72,8 @@ class BodyMode(Mode):
         """Let the command find the length."""
         self.mark("length cleared", body_length=None)
 
-    def key(self, key):
-        if key == "m":
-            self.toggle_mask()
-        return key == "m"
+    def keys(self):
+        return {"m": self.toggle_mask}
 
     def _masked(self):
         """The mask of the frame that is shown, made once."""
@@ -97,10 +91,10 @@ class BodyMode(Mode):
             self.held = self.held[0], np.array(place), self.held[2], at
 
     def release(self, place, at):
-        held, self.held = self.held, None
+        far, held, self.held = self.far(), self.held, None
         if held is None:
             return
-        if np.hypot(*(held[2] - held[3])) > px(self.window.scale, STILL):
+        if far:
             length = float(np.hypot(*(held[1] - held[0])))
             if LENGTHS_PX[0] <= length <= LENGTHS_PX[1]:
                 self.mark("body length", body_length=length)
@@ -108,18 +102,14 @@ class BodyMode(Mode):
                 least, most = LENGTHS_PX
                 self.window.toasts.say(f"A body has {least:g} to {most:g} pixels, not {length:.1f}.", "warning")
             return
-        wide, high = self.window.film.size
-        if 0 <= place[0] < wide and 0 <= place[1] < high:
+        if self.in_picture(place):
             self.mark("body colour", body_colour=colour_at(self.window.film.frame(self.window.k), *place))
-
-    def let_go(self):
-        self.held = None
 
     def draw(self, canvas):
         if self.shown and self.state.marks.body_colour is not None:
             labels = self.window.warped(self._masked().astype(np.uint8), None, cv2.INTER_NEAREST)
             lay_over(canvas.image, labels, np.array([(0, 0, 0), GLOW], np.uint8), 0.6)
-        if self.held is not None and np.hypot(*(self.held[2] - self.held[3])) > px(self.window.scale, STILL):
+        if self.far():
             self._draw_length(canvas)
 
     def _draw_length(self, canvas):

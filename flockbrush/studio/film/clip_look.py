@@ -29,9 +29,7 @@ class LookMode(Mode):
         )
         column.heading("Learn")
         column.note("Mark landmarks if the camera moves, paint obstacles, show a body. The command with all of it:")
-        column.button(
-            "Copy command", self.window.copy_line, "Copy the flockbrush learn command to the clipboard (Ctrl+C)"
-        )
+        self.offer_command(column)
 
     def freshen(self):
         marks = self.state.marks

@@ -28,15 +28,15 @@ from flockbrush.studio.film.mask_tool import PaintMode
 from flockbrush.studio.film.picture_view import PictureView
 from flockbrush.studio.film.sketch_tool import SketchMode
 from flockbrush.studio.theme import chrome, px
-from flockbrush.studio.widgets import NO_MARGINS, chosen, enabled, icon_button
-from flockbrush.studio.window import Window
+from flockbrush.studio.widgets import NO_MARGINS, chosen, enabled, icon_row
+from flockbrush.studio.window import FramesWindow
 
 MODES = (LookMode, LandmarksMode, PaintMode, BodyMode, BirdsMode, SketchMode)
 OF_THE_SKY = (LookMode, SketchMode)  # where there is no film
 OF_PICTURES = (FormationMode,)
 
 
-class ClipWindow(Window):
+class ClipWindow(FramesWindow):
     """The window that shows a clip and edits its marks.
 
     Parameters
@@ -91,13 +91,13 @@ class ClipWindow(Window):
     def _build_top(self, rect):
         back = UIPanel(rect, 1, self.manager, margins=NO_MARGINS, object_id="@bar")
         side, pad = px(self.scale, 32), px(self.scale, 5)
-        right = rect.width - pad - side
-        for picture, tip, do in (
+        icons = (
             ("save", "Save everything (Ctrl+S)", self.save), ("redo", "Redo (Ctrl+Shift+Z)", self.redo),
             ("undo", "Undo (Ctrl+Z)", self.undo), ("fit", "Show the whole picture (0)", self.fit),
-        ):  # fmt: skip
-            self.buttons[icon_button(self, pygame.Rect(right, pad, side, side), picture, tip, back)] = do
-            right -= side + pad
+        )  # fmt: skip
+        right = rect.width - pad - side
+        icon_row(self, pygame.Rect(right, pad, side, side), -(side + pad), icons, back)
+        right -= len(icons) * (side + pad)
         wide = min(px(self.scale, 108), (right - pad) // len(self.modes))
         self.tabs = []
         for n, mode in enumerate(self.modes):
@@ -143,10 +143,6 @@ class ClipWindow(Window):
     def title(self):
         return f"{self.film.name}{' *' if self.book.dirty else ''} – {self.mode.title} – Flockbrush"
 
-    def jobs_said(self):
-        """Text about background jobs; "" if there are none."""
-        return "   ".join(f"{job.name}: {100 * job.share:.0f} %" for job in self.jobs.values())
-
     # one frame ---------------------------------------------------------------------------
 
     def frame(self, dt):
@@ -173,7 +169,7 @@ class ClipWindow(Window):
             k += 1
         if k > self.k:
             self._late -= self.film.time(k) - self.film.time(self.k)
-            self._show(k)
+            self.k = k
         if self.k == len(self.film) - 1:
             self.playing = False
 
@@ -197,9 +193,7 @@ class ClipWindow(Window):
         self.screen.fill(chrome(self.theme).panel)
         image = self._picture().copy()
         self.guarded(self.mode.draw, Canvas(image))
-        self.screen.blit(pygame.image.frombuffer(image.tobytes(), self.area.size, "RGB"), self.area)
-        self.toasts.draw(self.screen, self.area, self.theme, self.scale)
-        self.manager.draw_ui(self.screen)
+        self.show_image(image)
         if not self.asking:
             self.bar.draw(self.screen)
             for chip in getattr(self.mode, "chips", ()):
@@ -252,25 +246,22 @@ class ClipWindow(Window):
     def _of_strip(self, event):
         return self.bar.mouse(event)
 
-    def _of_parts(self, event):
-        return self.column.handle(event)
+    @property
+    def count(self):
+        """How many frames there are."""
+        return len(self.film)
 
-    def _key(self, key):
-        step = {"left": -1, "right": 1, "pageup": -10, "pagedown": 10, "home": -len(self.film), "end": len(self.film)}
+    def keys(self):
         does = {
             "ctrl+z": self.undo, "ctrl+shift+z": self.redo, "ctrl+y": self.redo, "ctrl+s": self.save, "0": self.fit,
             "space": self.toggle_play, "ctrl+q": self.ask_to_quit, "escape": self.let_go, "ctrl+c": self.copy_line,
         }  # fmt: skip
-        if isinstance(self.film, Film):
-            does |= {"i": self.use_from, "o": self.use_to}
-        if self.mode.key(key):
-            pass
-        elif key in step:
-            self.step(step[key])
-        elif key in does:
-            does[key]()
-        elif key.isdigit() and 1 <= int(key) <= len(self.modes):
-            self.take(self.modes[int(key) - 1].name)
+        does |= {f"{n}": lambda mode=mode: self.take(mode.name) for n, mode in enumerate(self.modes, 1)}
+        return does | ({"i": self.use_from, "o": self.use_to} if isinstance(self.film, Film) else {})
+
+    def _key(self, key):
+        if not self.mode.key(key):
+            super()._key(key)
 
     def _press(self, at, button):
         if button == 3:
@@ -303,11 +294,7 @@ class ClipWindow(Window):
     def go(self, k):
         """Show another frame; playing stops."""
         self.playing = False
-        self._show(min(max(k, 0), len(self.film) - 1))
-
-    def _show(self, k):
-        if k != self.k:
-            self.k = k
+        self.k = min(max(k, 0), len(self.film) - 1)
 
     def step(self, frames):
         """So many frames on."""
@@ -318,7 +305,7 @@ class ClipWindow(Window):
         self.playing = not self.playing
         self._late = 0.0
         if self.playing and self.k == len(self.film) - 1:
-            self._show(0)
+            self.k = 0
 
     def fit(self):
         """Show the whole picture."""

@@ -31,7 +31,7 @@ class FormationMode(BirdsMode):
         self.fill_bird(column)
         column.heading("File")
         self.lost_birds = column.line()
-        column.button("Copy command", self.window.copy_line, "Copy the command that finds the formation (Ctrl+C)")
+        self.offer_command(column, "Copy the command that finds the formation (Ctrl+C)")
 
     def freshen(self):
         birds, partly = self.state.birds, self.state.birds.partly()
@@ -55,11 +55,8 @@ class FormationMode(BirdsMode):
         self.heading = WAYS[(WAYS.index(self.heading) + 1) % len(WAYS)]
         self.way.set_text(self._way())
 
-    def key(self, key):
-        does = {"h": self.turn, "n": self.next_break, "delete": lambda: self.take_away(self.window.k)}
-        if key in does:
-            does[key]()
-        return key in does
+    def keys(self):
+        return {"h": self.turn, "n": self.next_break, "delete": lambda: self.take_away(self.window.k)}
 
     def shape(self):
         """The formation of the picture that is shown, with the dragged bird at the mouse."""
@@ -67,7 +64,7 @@ class FormationMode(BirdsMode):
 
     def _places(self):
         places = self.state.birds.at(self.window.k)
-        if self.held is not None and self.held[0] == "bird" and self._far():
+        if self.held is not None and self.held[0] == "bird" and self.far():
             places[self.held[1]] = self.window.place(self.held[3])
         return places
 

@@ -6,7 +6,7 @@ import pygame
 from pygame_gui.elements import UIPanel
 
 from flockbrush.studio.theme import chrome, px
-from flockbrush.studio.widgets import NO_MARGINS, icon_button, set_icon, words
+from flockbrush.studio.widgets import NO_MARGINS, set_icon, words
 
 
 class FilmBar:
@@ -21,24 +21,12 @@ class FilmBar:
     def __init__(self, window, rect):
         self.app, self.rect, self.dragging = window, rect, False
         self.back = UIPanel(rect, 1, window.manager, margins=NO_MARGINS, object_id="@bar")
-        side, gap, x = px(window.scale, 34), px(window.scale, 3), px(window.scale, 8)
-        self._icon = "play"
-        for picture, tip, do in (
-            ("back", "Previous frame (Left)", lambda: window.step(-1)),
-            ("play", "Play or pause (Space)", window.toggle_play),
-            ("step", "Next frame (Right)", lambda: window.step(1)),
-        ):
-            place = pygame.Rect(x, px(window.scale, 6), side, side)
-            new_button = icon_button(window, place, picture, tip, self.back)
-            window.buttons[new_button] = do
-            if picture == "play":
-                self.play = new_button
-            x += side + gap
+        _, self.play, last = window.frame_buttons(self.back)
         wide = px(window.scale, 190)
         tall = px(window.scale, 22)
         clock = pygame.Rect(rect.width - wide - px(window.scale, 10), px(window.scale, 12), wide, tall)
         self.clock = words(window, clock, "", self.back, "@right")
-        left = rect.x + x + px(window.scale, 12)
+        left = rect.x + last.relative_rect.right + px(window.scale, 3) + px(window.scale, 12)
         room = max(20, rect.x + clock.x - px(window.scale, 12) - left)
         self.strip = pygame.Rect(left, rect.y + px(window.scale, 10), room, px(window.scale, 26))
         line = pygame.Rect(px(window.scale, 10), px(window.scale, 42), rect.width - px(window.scale, 20), 0)
@@ -48,13 +36,10 @@ class FilmBar:
     def freshen(self):
         """Show what is so now."""
         app = self.app
-        icon_name = "pause" if app.playing else "play"
-        if icon_name != self._icon:
-            self._icon = icon_name
-            set_icon(app, self.play, icon_name)
+        set_icon(app, self.play, "pause" if app.playing else "play")
         self.clock.say(app.film.caption(app.k))
-        job = app.jobs_said()
-        self.hint.say(job or app.mode.hint)
+        jobs = "   ".join(f"{job.name}: {100 * job.share:.0f} %" for job in app.jobs.values())
+        self.hint.say(jobs or app.mode.hint)
 
     def x_of(self, k):
         """Where a frame is on the strip, pixels of the window."""

@@ -21,9 +21,7 @@ class LandmarksMode(Mode):
     title = "Landmarks"
     hint = "Drag a rectangle around something that does not move   Right click: remove   Two are enough, in any frames"
 
-    def __init__(self, window):
-        super().__init__(window)
-        self.held = None  # where the rectangle was begun and where it is now, pixels of the film
+    held: tuple | None = None  # where the rectangle was begun and where it is now, pixels of the film
 
     def fill(self, column):
         column.note(
@@ -36,9 +34,7 @@ class LandmarksMode(Mode):
         ]
         self.all_gone = column.button("Remove all", self.clear)
         column.heading("Learn")
-        column.button(
-            "Copy command", self.window.copy_line, "Copy the flockbrush learn command to the clipboard (Ctrl+C)"
-        )
+        self.offer_command(column)
 
     def _rows_needed(self):
         return max(ROWS, len(self.state.marks.landmarks))
@@ -116,6 +112,3 @@ class LandmarksMode(Mode):
                 rest = self.state.marks.landmarks[:k] + self.state.marks.landmarks[k + 1 :]
                 self.mark(f"landmark {k + 1} removed", landmarks=rest)
                 return
-
-    def let_go(self):
-        self.held = None

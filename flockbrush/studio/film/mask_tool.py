@@ -30,8 +30,6 @@ class PaintMode(Mode):
         self.radius = max(SIZES[0], 0.02 * min(window.film.size))
         self.array = None  # the layer while a stroke is painted, (h, w) uint8
         self._last = None
-        self._cover: tuple = ((), None)
-        self._mouse = None
 
     @property
     def hint(self):
@@ -98,15 +96,10 @@ class PaintMode(Mode):
         """Take all paint of this layer away."""
         self.edit(f"{self.layer} cleared", **{self.layer: MaskLayer.empty(self.window.film.size)})
 
-    def key(self, key):
-        does = {"b": "brush", "e": "erase", "f": "fill"}
-        if key in does:
-            self.take_tool(does[key])
-        elif key in ("[", "]"):
-            self.set_size(2 * self.radius * (1.25 if key == "]" else 0.8))
-        else:
-            return False
-        return True
+    def keys(self):
+        tools = {tool[0]: lambda tool=tool: self.take_tool(tool) for tool in TOOLS}
+        sizes = {"[": lambda: self.set_size(1.6 * self.radius), "]": lambda: self.set_size(2.5 * self.radius)}
+        return tools | sizes
 
     # painting -----------------------------------------------------------------------------
 

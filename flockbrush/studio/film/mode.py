@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.studio.film.clip_column import ClipColumn
+from flockbrush.studio.theme import px
+
+STILL = 4  # pixels of the screen: a shorter way of the mouse is a click
 
 
 class Mode:
@@ -18,6 +21,7 @@ class Mode:
     name = "mode"
     title = "Mode"
     hint = ""
+    held: tuple | None = None  # what the mouse holds
 
     def __init__(self, window):
         self.window = window
@@ -59,17 +63,37 @@ class Mode:
     def click_right(self, place, at):
         """The right button went down."""
 
+    def keys(self) -> dict:
+        """What keys do, by their names."""
+        return {}
+
     def key(self, key) -> bool:
         """A key; whether the mode knows it."""
-        return False
+        do = self.keys().get(key)
+        if do is not None:
+            do()
+        return do is not None
 
     def let_go(self):
         """Cancel an unfinished action."""
+        self.held = None
 
     def leave(self):
         """Called when another mode is selected."""
 
     # help for modes -----------------------------------------------------------------------
+
+    def offer_command(self, column, tip="Copy the flockbrush learn command to the clipboard (Ctrl+C)"):
+        """A button that copies the command that goes on from the marks."""
+        column.button("Copy command", self.window.copy_line, tip)
+
+    def far(self) -> bool:
+        """Whether the mouse has moved what it holds, of which the last two are where it began and where it is now."""
+        return self.held is not None and np.hypot(*(self.held[-2] - self.held[-1])) > px(self.window.scale, STILL)
+
+    def in_picture(self, place) -> bool:
+        """Whether a place is in the picture."""
+        return bool(0 <= place[0] < self.window.film.size[0] and 0 <= place[1] < self.window.film.size[1])
 
     def edit(self, label, **changes):
         """A step that replaces parts of the state."""

@@ -27,7 +27,7 @@ class SketchMode(Mode):
     def __init__(self, window):
         super().__init__(window)
         self.drawn: list | None = None  # (x, y, seconds) of the path that is being drawn
-        self.held: tuple | None = None  # (bird, where it was begun, where it is now) of a path that is being moved
+        self.held = None  # (bird, where it was begun, where it is now) of a path that is being moved
 
     def fill(self, column):
         column.note("Draw the path of each bird. All paths begin in the first frame and end in the last.")
