@@ -6,7 +6,7 @@ import math
 import os
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import pygame
 import pygame_gui
@@ -101,224 +101,164 @@ def px(scale: float, size: float) -> int:
     return max(1, round(size * scale))
 
 
-class _Kit(NamedTuple):
-    """What the looks of controls are put together from."""
+class _Kit:
+    """What the looks of controls are put together from: colours, letters and shapes as pygame_gui writes them."""
 
-    c: Chrome
-    scale: float
-    usual: dict  # font, told to each kind: they do not inherit its size
-    flat: dict
-    edged: dict
-    square: dict
-    symbols: dict
-    bare: dict
-    bars: dict
+    def __init__(self, theme, scale):
+        self.c, self.scale = chrome(theme), scale
+        self.hex = SimpleNamespace(**{name: hexed(colour) for name, colour in vars(self.c).items()})
+        self.marked = hexed(mix(self.c.panel, self.c.accent, 0.28))
+        self.clear = hexed(self.c.panel, 0)
+        self.bare = {"normal_bg": self.clear, "normal_border": self.clear}
+        self.usual, self.small = self.letters(14), self.letters(13)  # told to each kind: they do not inherit its size
+        self.flat = {"shape": "rounded_rectangle", "shape_corner_radius": self.px(4), "shadow_width": "0"}
+        self.edged, self.rimless = self.flat | {"border_width": "1"}, self.flat | {"border_width": "0"}
+        self.square = {"shape": "rectangle", "shadow_width": "0", "border_width": "0"}
 
+    def px(self, size):
+        """So many pixels at this scale."""
+        return str(px(self.scale, size))
 
-def _kit(theme, scale):
-    c = chrome(theme)
-    flat = {"shape": "rounded_rectangle", "shape_corner_radius": str(px(scale, 4)), "shadow_width": "0"}
-    return _Kit(
-        c, scale,
-        usual={"name": "noto_sans", "size": str(px(scale, 14))},
-        flat=flat,
-        edged=flat | {"border_width": "1"},
-        square={"shape": "rectangle", "shadow_width": "0", "border_width": "0"},
-        symbols={"font": {"name": "fira_code_symbols", "size": str(px(scale, 11))}},
-        bare={"normal_bg": hexed(c.panel, 0), "normal_border": hexed(c.panel, 0)},
-        bars={"misc": flat | {"border_width": "0", "enable_arrow_buttons": "0"}},
-    )  # fmt: skip
+    def letters(self, size, name="noto_sans", **more):
+        """A font of this size at scale 1."""
+        return {"name": name, "size": self.px(size), **more}
+
+    def padded(self, across, down):
+        """The edge of what is `across` and `down` pixels away from its words."""
+        return {"padding": f"{self.px(across)},{self.px(down)}"}
 
 
 def look(theme: Theme, scale: float) -> dict:
     """The theme of pygame_gui for a theme of the pictures and a scale."""
-    kit = _kit(theme, scale)
+    kit = _Kit(theme, scale)
     return _texts(kit) | _buttons(kit) | _containers(kit) | _windows(kit)
 
 
 def _texts(kit):
     """Words and headings."""
+    usual, small, right = kit.usual, kit.small, {"text_horiz_alignment": "right"}
+    muted, clear, panel = {"normal_text": kit.hex.muted}, {"dark_bg": kit.clear}, {"dark_bg": kit.hex.panel}
     return {
-        "defaults": {"colours": _colours(kit.c), "font": kit.usual},
-        "label": {
-            "font": kit.usual,
-            "colours": {"dark_bg": hexed(kit.c.panel, 0)},
-            "misc": {"text_horiz_alignment": "left"},
-        },
-        "@title": {"font": {"name": "noto_sans", "size": str(px(kit.scale, 15)), "bold": "1"}},
-        "@heading": {
-            "font": {"name": "noto_sans", "size": str(px(kit.scale, 12)), "bold": "1"},
-            "colours": {"normal_text": hexed(kit.c.muted)},
-        },
-        "@muted": {"font": _small(kit.scale), "colours": {"normal_text": hexed(kit.c.muted)}},
-        "@value": {
-            "font": _small(kit.scale),
-            "colours": {"normal_text": hexed(kit.c.ink)},
-            "misc": {"text_horiz_alignment": "right"},
-        },
-        "@right": {"font": kit.usual, "misc": {"text_horiz_alignment": "right"}},
-        "@note": {
-            "font": _small(kit.scale),
-            "colours": {"normal_text": hexed(kit.c.muted), "dark_bg": hexed(kit.c.panel, 0)},
-        },
-        "@note_right": {
-            "font": _small(kit.scale),
-            "colours": {"normal_text": hexed(kit.c.muted)},
-            "misc": {"text_horiz_alignment": "right"},
-        },
-        "@clear": {"colours": {"dark_bg": hexed(kit.c.panel)}},
-        "@page": {"font": _small(kit.scale), "colours": {"dark_bg": hexed(kit.c.panel)}},
-        "@panel_row": {"font": _small(kit.scale)},
+        "defaults": {"colours": _colours(kit), "font": usual},
+        "label": {"font": usual, "colours": clear, "misc": {"text_horiz_alignment": "left"}},
+        "@title": {"font": kit.letters(15, bold="1")},
+        "@heading": {"font": kit.letters(12, bold="1"), "colours": muted},
+        "@muted": {"font": small, "colours": muted},
+        "@value": {"font": small, "colours": {"normal_text": kit.hex.ink}, "misc": right},
+        "@right": {"font": usual, "misc": right},
+        "@note": {"font": small, "colours": muted | clear},
+        "@note_right": {"font": small, "colours": muted, "misc": right},
+        "@clear": {"colours": panel},
+        "@page": {"font": small, "colours": panel},
+        "@panel_row": {"font": small},
     }
 
 
 def _buttons(kit):
     """Buttons of all kinds."""
+    edged, beside = kit.edged, "text_horiz_alignment_padding"
+    below = {"text_vert_alignment": "bottom", "text_vert_alignment_padding": kit.px(3), beside: "1"}
+    marked = kit.bare | {"selected_bg": kit.marked, "selected_text": kit.hex.ink}
     return {
-        "button": {
-            "font": kit.usual,
-            "misc": kit.edged | {"text_horiz_alignment_padding": str(px(kit.scale, 8)), "tool_tip_delay": "0.6"},
-        },
-        "@tool": {"misc": kit.edged | {"text_horiz_alignment_padding": "0"}, "colours": kit.bare},
-        "@plain": {"misc": kit.edged, "colours": kit.bare},
-        "@tab": {"misc": kit.square, "font": _small(kit.scale), "colours": kit.bare | _tab(kit.c)},
-        "@small_button": {
-            "misc": kit.edged | {"text_horiz_alignment_padding": str(px(kit.scale, 4))},
-            "font": _small(kit.scale),
-        },
-        "@primary": {"colours": _primary(kit.c)},
-        "@swatch": {
-            "misc": kit.edged
-            | {
-                "text_vert_alignment": "bottom",
-                "text_vert_alignment_padding": str(px(kit.scale, 3)),
-                "text_horiz_alignment_padding": "1",
-            },
-            "font": {"name": "noto_sans", "size": str(px(kit.scale, 12))},
-            "colours": kit.bare
-            | {"selected_bg": hexed(mix(kit.c.panel, kit.c.accent, 0.28)), "selected_text": hexed(kit.c.ink)},
-        },
+        "button": {"font": kit.usual, "misc": edged | {beside: kit.px(8), "tool_tip_delay": "0.6"}},
+        "@tool": {"misc": edged | {beside: "0"}, "colours": kit.bare},
+        "@plain": {"misc": edged, "colours": kit.bare},
+        "@tab": {"misc": kit.square, "font": kit.small, "colours": kit.bare | _tab(kit.hex)},
+        "@small_button": {"misc": edged | {beside: kit.px(4)}, "font": kit.small},
+        "@primary": {"colours": _primary(kit)},
+        "@swatch": {"misc": edged | below, "font": kit.letters(12), "colours": marked},
     }
 
 
 def _containers(kit):
     """Panels, sliders, menus, lists and fields."""
+    edged, rimless, square, small, h = kit.edged, kit.rimless, kit.square, kit.small, kit.hex
+    bars, thumb = {"misc": rimless | {"enable_arrow_buttons": "0"}}, {"misc": rimless, "colours": _thumb(h)}
     return {
-        "panel": {"misc": kit.square, "colours": {"dark_bg": hexed(kit.c.panel), "normal_border": hexed(kit.c.border)}},
-        "@bar": {"colours": {"dark_bg": hexed(kit.c.bar)}},
-        "@card": {"misc": kit.edged, "colours": {"dark_bg": hexed(kit.c.raised)}},
-        "scrolling_container": {"colours": {"dark_bg": hexed(kit.c.panel, 0)}},
-        "horizontal_slider": {
-            "misc": kit.flat
-            | {"border_width": "0", "enable_arrow_buttons": "0", "sliding_button_width": str(px(kit.scale, 14))}
-        },
-        "horizontal_slider.button": {"misc": kit.edged},
-        "horizontal_slider.#sliding_button": {"misc": kit.edged, "colours": _knob(kit.c)},
-        "vertical_scroll_bar": kit.bars,
-        "vertical_scroll_bar.#sliding_button": {"misc": kit.flat | {"border_width": "0"}, "colours": _thumb(kit.c)},
-        "horizontal_scroll_bar": kit.bars,
-        "horizontal_scroll_bar.#sliding_button": {"misc": kit.flat | {"border_width": "0"}, "colours": _thumb(kit.c)},
-        "drop_down_menu": {
-            "misc": kit.edged | {"expand_direction": "down", "open_button_width": str(px(kit.scale, 18))}
-        },
+        "panel": {"misc": square, "colours": {"dark_bg": h.panel, "normal_border": h.border}},
+        "@bar": {"colours": {"dark_bg": h.bar}},
+        "@card": {"misc": edged, "colours": {"dark_bg": h.raised}},
+        "scrolling_container": {"colours": {"dark_bg": kit.clear}},
+        "horizontal_slider": {"misc": bars["misc"] | {"sliding_button_width": kit.px(14)}},
+        "horizontal_slider.button": {"misc": edged},
+        "horizontal_slider.#sliding_button": {"misc": edged, "colours": _knob(kit)},
+        "vertical_scroll_bar": bars,
+        "vertical_scroll_bar.#sliding_button": thumb,
+        "horizontal_scroll_bar": bars,
+        "horizontal_scroll_bar.#sliding_button": thumb,
+        "drop_down_menu": {"misc": edged | {"expand_direction": "down", "open_button_width": kit.px(18)}},
         "@up": {"misc": {"expand_direction": "up"}},
-        "drop_down_menu.button": {"misc": kit.flat | {"border_width": "0"}, "font": _small(kit.scale)},
-        "drop_down_menu.#expand_button": kit.symbols,
-        "drop_down_menu.#selected_option": {
-            "misc": kit.flat | {"border_width": "0", "text_horiz_alignment": "left"},
-            "font": _small(kit.scale),
-        },
-        "selection_list": {"misc": kit.edged | {"list_item_height": str(px(kit.scale, 24))}},
-        "selection_list.button": {"misc": kit.square, "font": _small(kit.scale)},
-        "text_entry_line": {
-            "misc": kit.edged | {"padding": f"{px(kit.scale, 5)},{px(kit.scale, 3)}"},
-            "font": _small(kit.scale),
-        },
-        "text_box": {
-            "font": kit.usual,
-            "misc": kit.square | {"padding": f"{px(kit.scale, 6)},{px(kit.scale, 4)}"},
-            "colours": {"dark_bg": hexed(kit.c.panel)},
-        },
+        "drop_down_menu.button": {"misc": rimless, "font": small},
+        "drop_down_menu.#expand_button": {"font": kit.letters(11, "fira_code_symbols")},
+        "drop_down_menu.#selected_option": {"misc": rimless | {"text_horiz_alignment": "left"}, "font": small},
+        "selection_list": {"misc": edged | {"list_item_height": kit.px(24)}},
+        "selection_list.button": {"misc": square, "font": small},
+        "text_entry_line": {"misc": edged | kit.padded(5, 3), "font": small},
+        "text_box": {"font": kit.usual, "misc": square | kit.padded(6, 4), "colours": {"dark_bg": h.panel}},
     }
 
 
 def _windows(kit):
     """Windows, and what stands above others."""
+    h, symbols = kit.hex, "fira_code_symbols"
+    framed = {"shape": "rectangle", "shadow_width": kit.px(10), "border_width": "1", "title_bar_height": kit.px(32)}
+    title = dict.fromkeys(("normal_bg", "hovered_bg", "active_bg", "selected_bg"), h.bar) | {"active_text": h.ink}
     return {
-        "window": {
-            "misc": {
-                "shape": "rectangle",
-                "shadow_width": str(px(kit.scale, 10)),
-                "border_width": "1",
-                "title_bar_height": str(px(kit.scale, 32)),
-            },
-            "colours": {"dark_bg": hexed(kit.c.panel), "normal_border": hexed(kit.c.border)},
-        },
+        "window": {"misc": framed, "colours": {"dark_bg": h.panel, "normal_border": h.border}},
         "window.#title_bar": {
-            "misc": kit.square
-            | {"text_horiz_alignment": "left", "text_horiz_alignment_padding": str(px(kit.scale, 10))},
-            "font": {"name": "noto_sans", "size": str(px(kit.scale, 14)), "bold": "1"},
-            "colours": {name: hexed(kit.c.bar) for name in ("normal_bg", "hovered_bg", "active_bg", "selected_bg")}
-            | {"active_text": hexed(kit.c.ink)},
+            "misc": kit.square | {"text_horiz_alignment": "left", "text_horiz_alignment_padding": kit.px(10)},
+            "font": kit.letters(14, bold="1"),
+            "colours": title,
         },
-        "window.#close_button": kit.symbols | {"misc": kit.square},
-        "tool_tip": {"misc": {"rect_width": str(px(kit.scale, 260))}},
+        "window.#close_button": {"font": kit.letters(11, symbols), "misc": kit.square},
+        "tool_tip": {"misc": {"rect_width": kit.px(260)}},
         "tool_tip.text_box": {
-            "misc": kit.edged | {"padding": f"{px(kit.scale, 8)},{px(kit.scale, 6)}"},
-            "font": _small(kit.scale),
-            "colours": {"dark_bg": hexed(kit.c.raised), "normal_border": hexed(kit.c.border)},
+            "misc": kit.edged | kit.padded(8, 6),
+            "font": kit.small,
+            "colours": {"dark_bg": h.raised, "normal_border": h.border},
         },
-        "progress_bar": {"misc": kit.flat | {"border_width": "0"}},
-        "check_box": {"misc": kit.edged, "font": {"name": "fira_code_symbols", "size": str(px(kit.scale, 13))}},
-        "check_box.label": {"font": _small(kit.scale)},
+        "progress_bar": {"misc": kit.rimless},
+        "check_box": {"misc": kit.edged, "font": kit.letters(13, symbols)},
+        "check_box.label": {"font": kit.small},
     }
 
 
-def _small(scale):
-    return {"name": "noto_sans", "size": str(px(scale, 13))}
-
-
-def _colours(c: Chrome) -> dict:
+def _colours(kit) -> dict:
     """The defaults of every control."""
-    marked = mix(c.panel, c.accent, 0.28)
+    c, h = kit.c, kit.hex
     return {
-        "normal_bg": hexed(c.raised), "hovered_bg": hexed(c.hover), "disabled_bg": hexed(c.panel),
-        "selected_bg": hexed(marked), "active_bg": hexed(mix(c.raised, c.accent, 0.35)), "dark_bg": hexed(c.sunken),
-        "disabled_dark_bg": hexed(c.panel), "normal_text": hexed(c.ink), "hovered_text": hexed(c.ink),
-        "disabled_text": hexed(c.faint), "selected_text": hexed(c.ink), "active_text": hexed(c.ink),
-        "normal_border": hexed(c.border), "hovered_border": hexed(mix(c.border, c.accent, 0.5)),
-        "disabled_border": hexed(mix(c.border, c.panel, 0.5)), "selected_border": hexed(c.accent),
-        "active_border": hexed(c.accent), "link_text": hexed(c.accent), "link_hover": hexed(c.accent),
-        "link_selected": hexed(c.accent), "text_shadow": hexed(c.panel, 0), "filled_bar": hexed(c.accent),
-        "unfilled_bar": hexed(c.sunken), "text_cursor": hexed(c.ink), "normal_text_shadow": hexed(c.panel, 0),
+        "normal_bg": h.raised, "hovered_bg": h.hover, "disabled_bg": h.panel, "selected_bg": kit.marked,
+        "active_bg": hexed(mix(c.raised, c.accent, 0.35)), "dark_bg": h.sunken, "disabled_dark_bg": h.panel,
+        "normal_text": h.ink, "hovered_text": h.ink, "disabled_text": h.faint, "selected_text": h.ink,
+        "active_text": h.ink, "normal_border": h.border, "hovered_border": hexed(mix(c.border, c.accent, 0.5)),
+        "disabled_border": hexed(mix(c.border, c.panel, 0.5)), "selected_border": h.accent, "active_border": h.accent,
+        "link_text": h.accent, "link_hover": h.accent, "link_selected": h.accent, "text_shadow": kit.clear,
+        "filled_bar": h.accent, "unfilled_bar": h.sunken, "text_cursor": h.ink, "normal_text_shadow": kit.clear,
     }  # fmt: skip
 
 
-def _tab(c):
+def _tab(h):
     return {
-        "selected_bg": hexed(c.panel), "selected_border": hexed(c.panel), "selected_text": hexed(c.accent),
-        "normal_text": hexed(c.muted), "normal_bg": hexed(c.bar), "hovered_bg": hexed(c.hover),
-        "active_bg": hexed(c.panel),
+        "selected_bg": h.panel, "selected_border": h.panel, "selected_text": h.accent, "normal_text": h.muted,
+        "normal_bg": h.bar, "hovered_bg": h.hover, "active_bg": h.panel,
     }  # fmt: skip
 
 
-def _primary(c):
+def _primary(kit):
+    h = kit.hex
     return {
-        "normal_bg": hexed(c.accent), "hovered_bg": hexed(mix(c.accent, c.ink, 0.15)), "active_bg": hexed(c.accent),
-        "normal_text": hexed(c.on_accent), "hovered_text": hexed(c.on_accent), "active_text": hexed(c.on_accent),
-        "normal_border": hexed(c.accent),
+        "normal_bg": h.accent, "hovered_bg": hexed(mix(kit.c.accent, kit.c.ink, 0.15)), "active_bg": h.accent,
+        "normal_text": h.on_accent, "hovered_text": h.on_accent, "active_text": h.on_accent, "normal_border": h.accent,
     }  # fmt: skip
 
 
-def _knob(c):
+def _knob(kit):
+    h = kit.hex
     return {
-        "normal_bg": hexed(c.accent), "hovered_bg": hexed(mix(c.accent, c.ink, 0.2)), "active_bg": hexed(c.accent),
-        "normal_border": hexed(c.accent), "disabled_bg": hexed(c.faint), "selected_bg": hexed(c.accent),
+        "normal_bg": h.accent, "hovered_bg": hexed(mix(kit.c.accent, kit.c.ink, 0.2)), "active_bg": h.accent,
+        "normal_border": h.accent, "disabled_bg": h.faint, "selected_bg": h.accent,
     }  # fmt: skip
 
 
-def _thumb(c):
-    return {
-        "normal_bg": hexed(c.border), "hovered_bg": hexed(c.faint), "active_bg": hexed(c.accent),
-        "disabled_bg": hexed(c.panel),
-    }  # fmt: skip
+def _thumb(h):
+    return {"normal_bg": h.border, "hovered_bg": h.faint, "active_bg": h.accent, "disabled_bg": h.panel}
