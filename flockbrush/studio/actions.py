@@ -22,14 +22,13 @@ from flockbrush.studio.help import Help
 from flockbrush.studio.needed import needed
 from flockbrush.studio.panels.tuning import as_new
 from flockbrush.studio.recorded_session import recovered
+from flockbrush.studio.session import RATES
 from flockbrush.studio.session_files import LEVELS
 from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name
 from flockbrush.studio.video_recorder import RunningVideo
 from flockbrush.systems.edits import as_command
 from flockbrush.systems.level_lists import without_place
 from flockbrush.systems.mark_commands import PlaceKey, own_place
-
-RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 
 
 class AppActions:
@@ -68,21 +67,8 @@ class AppActions:
 
     def switch(self, name):
         """Switch to another branch."""
-        if name != self.branch_name():
+        if name != self.session.branch_name:
             self.session.switch(name)
-
-    def branch_name(self):
-        """The branch that is shown."""
-        return self.session.branch_name
-
-    def current_branch(self):
-        """The branch that is shown, as the session keeps it."""
-        return self.session.branches[self.branch_name()]
-
-    def forks(self):
-        """Branches that fork from the shown one, and its own fork from its parent."""
-        name = self.branch_name()
-        return [b for b in self.session.branches.values() if b.parent == name or (b.name == name and b.parent)]
 
     # edit --------------------------------------------------------------------------
 
@@ -134,10 +120,6 @@ class AppActions:
             self.help.kill()
         elif not self.tool.cancel():
             self.tools["select"].cancel()
-
-    def finish(self):
-        """Finish the shape being drawn."""
-        self.tool.finish()
 
     # files -------------------------------------------------------------------------
 

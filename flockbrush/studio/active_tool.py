@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.behaviours.behaviour import behaviours
 from flockbrush.behaviours.brush import flies_free, shipped
 from flockbrush.behaviours.species import usual_species
 from flockbrush.components import BrushBinding, ProgramState, Species
@@ -12,14 +11,13 @@ from flockbrush.engine.problems import did_you_mean
 from flockbrush.render.style import mix, rgb, worn
 from flockbrush.render.style import palette as fallback_colours
 from flockbrush.studio.brush_palette import CAPS
-from flockbrush.studio.hunters import hunters
-from flockbrush.studio.needed import brush_needed, library_of
+from flockbrush.studio.hunters import dangerous, hunters
+from flockbrush.studio.needed import brush_needed
 from flockbrush.studio.tools import offered
 from flockbrush.studio.tools import world_tools as lookup
 from flockbrush.studio.tools.tool import CHOICES
 from flockbrush.systems.binding import binds_nobody
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList, body_of
 from flockbrush.systems.room import in_the_air
 
@@ -57,7 +55,7 @@ class ActiveTool:
         """
         spawns = self.session.simulation.level.spawns
         used, present = {spawn.brush for spawn in spawns}, {spawn.species for spawn in spawns}
-        danger = set(self._dangerous())
+        danger = dangerous(self)
         quiet = [name for name in names if name not in danger]
         quiet = [name for name in quiet if self._binds(name, present)] or quiet
         flying = sum(spawn.count if self._flies(spawn.brush) else -spawn.count for spawn in spawns) > 0
@@ -70,8 +68,8 @@ class ActiveTool:
 
     def _binds(self, name, present):
         """Whether paint of a brush affects any of some species, as far as they are known."""
-        brush, library = self.find_brush(name), self.session.simulation.world.resource(SpeciesList).library
-        known = [asset for asset in map(library.find, present) if asset is not None]
+        brush = self.find_brush(name)
+        known = [asset for asset in map(self.fauna.library.find, present) if asset is not None]
         return brush is not None and (not known or any(brush.is_made_for(one.name, one.tags) for one in known))
 
     def _flies(self, name):
@@ -94,17 +92,14 @@ class ActiveTool:
         """Select another tool; an unfinished action of the tool before is cancelled."""
         if name == self.tool.name:
             if "shape" in self.tool.options:
-                self._next_pen()
+                pens = list(CHOICES["shape"])
+                self.set_option("shape", pens[(pens.index(self.options["shape"]) + 1) % len(pens)])
             return
         self.tool.cancel()
         self.tool = self.tools[name]
         if self.tool.palette in ("cap", "surface", "brush") and name in ("brush", "cap", "surface"):
             self.options["layer"] = name
         self.tool_changed()
-
-    def _next_pen(self):
-        pens = ["pen", "rectangle", "polygon"]
-        self.set_option("shape", pens[(pens.index(self.options["shape"]) + 1) % 3])
 
     def set_option(self, name, value):
         """Set an option of the active tool."""
@@ -132,13 +127,13 @@ class ActiveTool:
         layer = self.options["layer"] if self.tool.palette == "layer" else self.tool.palette
         if not layer:
             return
-        entries = {"brush": self.brush_names, "cap": self.caps, "surface": self.surface_names}[layer]()
+        entries = self.paints(layer)
         now = entries.index(self.paint[layer]) if self.paint[layer] in entries else -step
         self.choose(layer, entries[(now + step) % len(entries)])
 
-    def caps(self):
-        """The speed limits of the palette."""
-        return list(CAPS)
+    def paints(self, layer):
+        """What can be painted on a layer, in the order of its palette."""
+        return {"brush": self.brush_names, "cap": lambda: list(CAPS), "surface": self.surface_names}[layer]()
 
     # sizes -------------------------------------------------------------------------
 
@@ -176,29 +171,29 @@ class ActiveTool:
 
     # brushes ------------------------------------------------------------------------
 
-    @property
-    def library(self):
-        """The available brushes, in the world or on disk."""
-        return library_of(self.session)
-
     def world_palette(self):
         """The brushes of the running world."""
-        return self.session.simulation.world.resource(Palette)
+        return self.session.palette
+
+    @property
+    def fauna(self):
+        """The species of the running world."""
+        return self.session.simulation.world.resource(SpeciesList)
 
     def brush_names(self):
         """Names of all brushes to paint with: the designer's own, those of the level, the other shipped ones."""
-        own = [brush.name for brush in self.world_palette().own]  # without those between two
-        names = list(dict.fromkeys([*own, *self.library.names()]))
+        own = [brush.name for brush in self.session.palette.own]  # without those between two
+        names = list(dict.fromkeys([*own, *self.session.library.names()]))
         usual = set(shipped().names())
         return sorted(names, key=lambda name: name in usual)
 
     def find_brush(self, name):
         """The brush of this name, or None."""
-        palette = self.world_palette()
+        palette = self.session.palette
         if name in palette.index:
             return palette.brushes[palette.index[name]]
         try:
-            return self.library.get(name)
+            return self.session.library.get(name)
         except (LookupError, ValueError):
             return None
 
@@ -208,15 +203,15 @@ class ActiveTool:
 
     def colour_of(self, name):
         """The colour "#rrggbb" of a brush."""
-        brush, names = self.find_brush(name), self.world_palette().names
+        brush, names = self.find_brush(name), self.session.palette.names
         if self.theme.palette != "own":
-            offered = [*names, *(other for other in self.library.names() if other not in names)]
+            offered = [*names, *(other for other in self.session.library.names() if other not in names)]
             return worn(offered, self.theme)[offered.index(name) if name in offered else 0]
         return brush.colour if brush is not None else tuple(fallback_colours(1)[0])
 
     def brush_of(self, animal):
         """Name of the brush that controls an animal now; where paint mixes two, of the one that is painted."""
-        palette = self.world_palette()
+        palette = self.session.palette
         index = self.session.simulation.world.component_for_entity(animal, BrushBinding).brush
         return palette.names[palette.end(int(index))]
 
@@ -233,34 +228,29 @@ class ActiveTool:
 
     def body_length(self, hunter):
         """Body length of a predator, m."""
-        library = self.session.simulation.world.resource(SpeciesList).library
-        return body_of(self.find_brush(hunter.brush), library.find(hunter.species)).length
+        return body_of(self.find_brush(hunter.brush), self.fauna.library.find(hunter.species)).length
 
-    def _dangerous(self):
-        models = behaviours()
-        brushes = ((name, self.find_brush(name)) for name in self.brush_names())
-        return [name for name, brush in brushes if brush is not None and models[brush.model].danger]
+    def painted_at(self, xy):
+        """The brush that is painted at a point of the ground, or None."""
+        land = self.session.simulation.world.resource(Landscape)
+        iy, ix = (min(max(int(v / land.cell), 0), n - 1) for v, n in zip(xy[::-1], land.brush.shape, strict=True))
+        index = int(land.brush[iy, ix])
+        return self.session.palette.brushes[index] if index >= 0 else None
 
     def painted_under(self, xy, species):
         """Name of the painted brush that a species follows at a point of the ground, or ""."""
-        world = self.session.simulation.world
-        land, palette = world.resource(Landscape), world.resource(Palette)
-        iy, ix = (min(max(int(v / land.cell), 0), n - 1) for v, n in zip(xy[::-1], land.brush.shape, strict=True))
-        index = int(land.brush[iy, ix])
-        if index < 0:
-            return ""
-        asset = world.resource(SpeciesList).library.find(species)
-        binds = asset is None or palette.brushes[index].is_made_for(asset.name, asset.tags)
-        return palette.names[index] if binds else ""
+        brush, asset = self.painted_at(xy), self.fauna.library.find(species)
+        binds = brush is not None and (asset is None or brush.is_made_for(asset.name, asset.tags))
+        return brush.name if binds else ""
 
     def tell_unbound(self):
         """Say once, after painting with the selected brush, which animals of this world that does not bind, and why."""
-        world, palette = self.session.simulation.world, self.world_palette()
+        world, palette = self.session.simulation.world, self.session.palette
         if self.brush not in palette.index:
             return
         held, kinds, aloft = world.agents[ProgramState.brush] >= 0, world.agents[Species.index], in_the_air(world)
         told = f"Paint does not bind {held.sum()} animals: the states of their program choose their brushes."
-        why = binds_nobody(palette, world.resource(SpeciesList), self.brush, kinds[~held], aloft[~held])
+        why = binds_nobody(palette, self.fauna, self.brush, kinds[~held], aloft[~held])
         for kind, text in (("program", told if held.any() else ""), (why, why)):
             if text and kind not in self.told:
                 self.told.add(kind)
@@ -272,23 +262,23 @@ class ActiveTool:
         same = [spawn.species for spawn in spawns if spawn.brush == brush]
         if same:
             return same[0]
-        asset, fauna = self.find_brush(brush), self.session.simulation.world.resource(SpeciesList)
-        made_for = usual_species(asset.made_for, fauna.library, fauna.names) if asset is not None else ""
+        asset = self.find_brush(brush)
+        made_for = usual_species(asset.made_for, self.fauna.library, self.fauna.names) if asset is not None else ""
         if made_for:
             return made_for
-        return "predator" if brush in self._dangerous() else spawns[0].species if spawns else "animal"
+        return "predator" if brush in dangerous(self) else spawns[0].species if spawns else "animal"
 
     # surfaces -------------------------------------------------------------------------
 
     def surface_names(self):
         """Names of the surfaces to paint; the first is bare ground."""
         land = self.session.simulation.world.resource(Landscape)
-        return ["", *(kind.name for kind in getattr(land, "kinds", ()))]
+        return ["", *(kind.name for kind in land.kinds)]
 
     def surface_colour(self, name):
         """The colour of a surface."""
         land = self.session.simulation.world.resource(Landscape)
-        for kind in getattr(land, "kinds", ()):
+        for kind in land.kinds:
             if kind.name == name and kind.colour:
                 return mix(rgb(kind.colour), self.theme.wash, 0.5 * self.theme.wash_share)
         return self.theme.ground
@@ -320,12 +310,7 @@ class ActiveTool:
 
     def new_id(self):
         """An id for a new object of the level file."""
-        editor = getattr(self.session, "editor", None)
-        if editor is not None:
-            return editor.new_id()
-        return 1 + max(
-            (int(getattr(thing, "id", 0) or 0) for _, thing in lookup.things(self.session.simulation)), default=0
-        )
+        return self.session.editor.new_id()
 
     def select(self, animal):
         """Select an animal; None clears the selection."""

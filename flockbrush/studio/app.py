@@ -27,7 +27,6 @@ from flockbrush.studio.topbar import TopBar
 from flockbrush.studio.viewport import Viewport
 from flockbrush.studio.widgets import NO_MARGINS, close_menus, words
 from flockbrush.studio.window import Window
-from flockbrush.systems.landscape import Landscape
 
 SLOWEST = 1 / 25  # s; a frame whose simulation would take longer lets the simulation lag instead
 LEAST = 0.008  # s of a frame that the simulation has in any case
@@ -253,11 +252,8 @@ class App(ActiveTool, AppActions, CanvasEvents, Window):
             return self._animal_in_space(animal)
         if at is None or self.is_off_map(at, at, 0.0):
             return ""
-        land = self.session.simulation.world.resource(Landscape)
-        iy, ix = (min(int(v / land.cell), n - 1) for v, n in zip((at[1], at[0]), land.brush.shape, strict=True))
-        index = int(land.brush[iy, ix])
-        painted = self.world_palette().names[index] + "   " if index >= 0 else ""
-        return f"{painted}{at[0]:.1f}, {at[1]:.1f} m"
+        brush = self.painted_at(at)
+        return f"{brush.name + '   ' if brush is not None else ''}{at[0]:.1f}, {at[1]:.1f} m"
 
     def _animal_in_space(self, animal):
         """Text about the animal under the mouse in the 3D view, and its height."""
@@ -340,10 +336,7 @@ class App(ActiveTool, AppActions, CanvasEvents, Window):
         for name, value in choices.items():
             with contextlib.suppress(ValueError):
                 setattr(self.settings, name, value)
-        try:
-            self.settings.save()
-        except (AttributeError, OSError):
-            pass
+        self.settings.save()
 
 
 def _written(path):

@@ -40,7 +40,7 @@ class PaletteButtons:
     def __init__(self, app, rect, container, layer):
         self.app, self.layer = app, layer
         self.back = Shelf(rect, app.manager, container=container, object_id="@clear")
-        self.entries = {"brush": app.brush_names, "cap": lambda: list(CAPS), "surface": app.surface_names}[layer]()
+        self.entries = app.paints(layer)
         bar = 24  # pixels of pygame_gui's scroll bar, whatever the scale
         gap = px(app.scale, 4)
         wide = (rect.width - bar - (ACROSS - 1) * gap) // ACROSS

@@ -15,16 +15,12 @@ class CanvasEvents:
 
     def _mouse(self, event):
         """Mouse, and keys that come up, that are not for a control."""
-        if event.type == pygame.KEYUP:
-            self._key_up(event)
-        elif event.type == pygame.MOUSEBUTTONDOWN:
-            self._press(event)
-        elif event.type == pygame.MOUSEBUTTONUP:
-            self._release(event)
-        elif event.type == pygame.MOUSEMOTION:
-            self._move(event)
-        elif event.type == pygame.MOUSEWHEEL:
-            self._wheel(event)
+        does = {
+            pygame.KEYUP: self._key_up, pygame.MOUSEBUTTONDOWN: self._press, pygame.MOUSEBUTTONUP: self._release,
+            pygame.MOUSEMOTION: self._move, pygame.MOUSEWHEEL: self._wheel,
+        }  # fmt: skip
+        if event.type in does:
+            does[event.type](event)
 
     def _pressed_key(self, event):
         key = key_of(event)

@@ -12,8 +12,26 @@ from flockbrush.studio.theme import font, px
 from flockbrush.studio.toasts import wrapped
 
 
-class Dialog(UIWindow):
-    """A modal dialog.
+class Modal(UIWindow):
+    """A window in the middle that gets all input, at most as large as the screen; `inside` is its room, pixels."""
+
+    def __init__(self, app, title, width, height):
+        self.app, (widest, tallest) = app, app.screen.get_size()
+        place = pygame.Rect(0, 0, min(widest - 10, width), min(tallest - 10, height))
+        place.center = widest // 2, tallest // 2
+        super().__init__(place, app.manager, title, object_id="#dialog", draggable=True)
+        self.set_blocking(True)
+        self.inside = pygame.Rect((0, 0), self.get_container().get_size())
+
+    def take_up(self, entry):
+        """Give a field the keyboard, with its text selected: what is typed takes its place."""
+        entry.edit_position = len(entry.get_text())
+        entry.select_range = [0, entry.edit_position]
+        self.app.manager.set_focus_set(entry)
+
+
+class Dialog(Modal):
+    """A question with some answers, and a text to be changed if there is one.
 
     Parameters
     ----------
@@ -24,20 +42,14 @@ class Dialog(UIWindow):
     """
 
     def __init__(self, app, title, question, answers, entry=None):
-        self.app, self.question, self.answers = app, question, {}
-        width, height = app.screen.get_size()
-        wide = min(width - 10, px(app.scale, 460))
+        self.question, self.answers = question, {}
+        wide = min(app.screen.get_width() - 10, px(app.scale, 460))
         pad, row = px(app.scale, 12), px(app.scale, 32)
         lines = wrapped(question, font(px(app.scale, 14)), wide - 3 * pad)
         text_height = len(lines) * px(app.scale, 20) + px(app.scale, 14)
-        tall = min(
-            height - 10, px(app.scale, 34) + text_height + (row + pad if entry is not None else 0) + row + 3 * pad
-        )
-        place = pygame.Rect(0, 0, wide, tall)
-        place.center = width // 2, height // 2
-        super().__init__(place, app.manager, title, object_id="#dialog", draggable=True)
-        self.set_blocking(True)
-        inside = pygame.Rect((0, 0), self.get_container().get_size())
+        tall = px(app.scale, 34) + text_height + (row + pad if entry is not None else 0) + row + 3 * pad
+        super().__init__(app, title, wide, tall)
+        inside = self.inside
         bottom = inside.height - pad - row
         self.entry = None
         top = bottom - pad
@@ -45,10 +57,8 @@ class Dialog(UIWindow):
             top -= row
             line = pygame.Rect(pad, top, inside.width - 2 * pad, row)
             self.entry = UITextEntryLine(line, app.manager, container=self, initial_text=entry)
-            self.entry.edit_position = len(entry)
-            self.entry.select_range = [0, len(entry)]  # what is typed takes its place
+            self.take_up(self.entry)
             self.entry.cursor_has_moved_recently = True
-            app.manager.set_focus_set(self.entry)
             top -= pad
         said_place = pygame.Rect(pad // 2, pad // 2, inside.width - pad, max(10, top - pad // 2))
         UITextBox(

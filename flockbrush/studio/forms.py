@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 import pygame
 import pygame_gui
-from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingContainer, UITextEntryLine, UIWindow
+from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingContainer, UITextEntryLine
 
 from flockbrush.components.level_things import degrees_text, radians_of
 from flockbrush.engine.commands import commands, from_record, places_of, usual_values
 from flockbrush.levels.schema import CLASSES
+from flockbrush.studio.dialogs import Modal
 from flockbrush.studio.theme import px
 
 GIVEN = {"id", "at", "points", "corners", "born", "since"}  # fields of a thing that no form asks for
@@ -69,14 +70,12 @@ def live_commands() -> dict[str, type]:
     live = {}
     for name, kind in sorted(commands().items()):
         own = fields(kind)
-        plain = own and all(field.name != "id" and (field.type in PLAIN or _may_lack(field)) for field in own)
+        plain = own and all(
+            field.name != "id" and (field.type in PLAIN or field.default_factory is not MISSING) for field in own
+        )
         if plain and name not in STROKES and not kind.__module__.endswith(INTERNAL) and hasattr(kind, "touches"):
             live[name] = kind
     return live
-
-
-def _may_lack(field):
-    return field.default_factory is not MISSING
 
 
 def blank(kind, xy):
@@ -138,7 +137,7 @@ def _is_number(text) -> bool:
         return False
 
 
-class Form(UIWindow):
+class Form(Modal):
     """A window with a row for each field; Tab goes to the next one, Enter accepts, Escape closes.
 
     Parameters
@@ -151,17 +150,11 @@ class Form(UIWindow):
     """
 
     def __init__(self, app, title, rows, accept, choices=(), chosen="", choose=None):
-        self.app, self.accept, self.choose = app, accept, choose
-        width, height = app.screen.get_size()
+        self.accept, self.choose = accept, choose
         step, pad = px(app.scale, 34), px(app.scale, 12)
-        wide = min(width - 10, px(app.scale, 480))
         above = step if choices else 0
-        tall = min(height - 10, px(app.scale, 60) + above + step * (len(rows) + 1) + 2 * pad)
-        place = pygame.Rect(0, 0, wide, tall)
-        place.center = width // 2, height // 2
-        super().__init__(place, app.manager, title, object_id="#dialog", draggable=True)
-        self.set_blocking(True)
-        inside = pygame.Rect((0, 0), self.get_container().get_size())
+        super().__init__(app, title, px(app.scale, 480), px(app.scale, 60) + above + step * (len(rows) + 1) + 2 * pad)
+        inside = self.inside
         self.menu = None
         if choices:
             menu = pygame.Rect(pad, pad // 2, inside.width - 2 * pad, step - 4)
@@ -189,13 +182,7 @@ class Form(UIWindow):
             if row.tip:
                 self.entries[row.name].set_tooltip(row.tip)
         if rows:
-            self._focus(rows[0].name)
-
-    def _focus(self, name):
-        entry = self.entries[name]
-        entry.edit_position = len(entry.get_text())
-        entry.select_range = [0, entry.edit_position]
-        self.app.manager.set_focus_set(entry)
+            self.take_up(self.entries[rows[0].name])
 
     def texts(self) -> dict[str, str]:
         """What the fields say."""
@@ -222,7 +209,7 @@ class Form(UIWindow):
         focus = self.app.manager.get_focus_set() or ()
         now = next((k for k, name in enumerate(names) if self.entries[name] in focus), -step)
         if names:
-            self._focus(names[(now + step) % len(names)])
+            self.take_up(self.entries[names[(now + step) % len(names)]])
 
     def answer(self, accepted):
         """Close, with the texts when they are accepted."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from flockbrush.behaviours.behaviour import behaviours
-from flockbrush.systems.population import SpeciesList
 
 
 class Hunter(NamedTuple):
@@ -13,6 +12,13 @@ class Hunter(NamedTuple):
 
     species: str
     brush: str
+
+
+def dangerous(app) -> dict:
+    """{name: brush} of the brushes whose models hunt."""
+    models = behaviours()
+    brushes = {name: app.find_brush(name) for name in app.brush_names()}
+    return {name: brush for name, brush in brushes.items() if brush is not None and models[brush.model].danger}
 
 
 def hunters(app):
@@ -23,18 +29,16 @@ def hunters(app):
     Where no such species is known (a level of brushes and species of one's own), brushes of dangerous models are
     offered under the species "predator".
     """
-    models, library = behaviours(), app.session.simulation.world.resource(SpeciesList).library
-    brushes = [(name, app.find_brush(name)) for name in app.brush_names()]
-    dangerous = [(name, brush) for name, brush in brushes if brush is not None and models[brush.model].danger]
+    library, hunting = app.fauna.library, dangerous(app)
     by_species = {}
     for species in map(library.get, library.names()):
         if any(relation.verb == "hunt" for relation in species.relations.values()):
-            fitting = [(name, brush) for name, brush in dangerous if _fits(species, brush)]
-            own = [name for name, brush in fitting if species.name in brush.made_for]
+            fitting = [name for name, brush in hunting.items() if _fits(species, brush)]
+            own = [name for name in fitting if species.name in hunting[name].made_for]
             if fitting:
-                by_species[species.name] = Hunter(species.name, own[0] if own else fitting[0][0])
+                by_species[species.name] = Hunter(species.name, (own or fitting)[0])
     if not by_species:
-        return {name: Hunter("predator", name) for name, _ in dangerous}
+        return {name: Hunter("predator", name) for name in hunting}
     present = {spawn.species for spawn in app.session.simulation.level.spawns}
     return dict(sorted(by_species.items(), key=lambda pair: (-_frightens(pair[0], present, library), pair[0])))
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.program import ProgramLibrary, shipped_programs
 from flockbrush.levels.libraries import program_folders
 from flockbrush.systems.mark_commands import DrawZone
-from flockbrush.systems.palette import Palette
 from flockbrush.systems.program_commands import UseProgram
 from flockbrush.systems.programs import Programs
 from flockbrush.systems.undo import MixBrush, UseBrush
@@ -23,27 +21,20 @@ def needed(session, command):
     brush, program = getattr(command, "brush", ""), getattr(command, "program", "")
     commands = brush_needed(session, brush) if brush else []
     if program and program not in session.simulation.world.resource(Programs).names:
-        commands += program_needed(session, programs_of(session).get(program))
+        folders = program_folders(session.path) if session.path else []
+        library = ProgramLibrary(
+            [*folders, *shipped_programs().folders]
+        )  # those beside the level, and the shipped ones
+        commands += program_needed(session, library.get(program))
     return commands + (_mixtures(session, command) if brush and isinstance(command, DrawZone) else [])
-
-
-def library_of(session):
-    """The available brushes, in the world or on disk."""
-    return getattr(session, "library", None) or shipped()
-
-
-def programs_of(session):
-    """The available programs: those beside the level, and the shipped ones."""
-    folders = program_folders(session.path) if session.path else []
-    return ProgramLibrary([*folders, *shipped_programs().folders])
 
 
 def brush_needed(session, name):
     """Commands that load a brush into the world, if it is not loaded yet."""
-    palette = _palette(session)
+    palette = session.palette
     if name in palette.index:
         return []
-    brush = library_of(session).get(name)
+    brush = session.library.get(name)
     source = brush.source.decode() if isinstance(brush.source, bytes) else brush.source
     paths = {end: _paths_to(session, end, [name]) for end in palette.over}
     return [UseBrush(name, source), *(MixBrush(end, files) for end, files in paths.items() if files)]
@@ -56,7 +47,7 @@ def program_needed(session, program):
 
 
 def _mixtures(session, command):
-    palette, brush = _palette(session), command.brush
+    palette, brush = session.palette, command.brush
     if command.zone().bounds.blend != "mix" or brush in palette.over:
         return []
     return [MixBrush(brush, _paths_to(session, brush, [one.name for one in palette.own]))]
@@ -64,9 +55,5 @@ def _mixtures(session, command):
 
 def _paths_to(session, end, starts):
     """{file: text} of the measured paths from some brushes to another."""
-    paths = (library_of(session).path_between(start, end) for start in starts if start != end)
+    paths = (session.library.path_between(start, end) for start in starts if start != end)
     return {file: text.decode() for file, text in filter(None, paths)}
-
-
-def _palette(session):
-    return session.simulation.world.resource(Palette)

@@ -26,7 +26,6 @@ from flockbrush.studio.session_files import LevelFile, SessionFiles, SessionNoti
 from flockbrush.studio.ticks_beside import TickRunner
 from flockbrush.studio.timeline import Timeline, WentWrong
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.palette import Palette
 from flockbrush.systems.program_commands import UseProgram
 from flockbrush.systems.undo import UseBrush
 
@@ -308,7 +307,7 @@ class Session(TickRunner, SessionFiles):
         outdated = self.timeline.current.outdated and editor is not None
         self.timeline.begin(beginning)
         self.timeline.current.outdated = outdated
-        known = {brush.name: brush for brush in self.simulation.world.resource(Palette).brushes}
+        known = {brush.name: brush for brush in self.palette.brushes}
         own = [UseBrush(brush.name, brush.source.decode()) for brush in brushes if known.get(brush.name) != brush]
         own += [UseProgram(program.name, program.source.decode()) for program in programs]
         try:

@@ -194,7 +194,7 @@ class SessionFiles:
 
     def _tell_tuned(self):
         """Say once which brushes have other numbers here than in their files, which is what the level will have."""
-        tuned = {b.name for b in self.simulation.world.resource(Palette).own if is_tuned(b, self.library)}
+        tuned = {b.name for b in self.palette.own if is_tuned(b, self.library)}
         if tuned - self._tuned:
             names = ", ".join(sorted(tuned))
             told = f"{names}: changed in this run and not in the level, which has the brush files as they were"
@@ -266,7 +266,7 @@ class SessionFiles:
     def brushes_known(self):
         """The library of the level, and the brushes that were made in the run and are in no file."""
         known = self.library.names()
-        made = {b.name + SUFFIX: b.source for b in self.simulation.world.resource(Palette).own if b.name not in known}
+        made = {b.name + SUFFIX: b.source for b in self.palette.own if b.name not in known}
         return self.library.with_files(made)
 
     def _done_on_branches(self):
@@ -282,9 +282,14 @@ class SessionFiles:
         return [brush for text, brush in brushes.items() if text not in self._saved_brushes]
 
     @property
+    def palette(self):
+        """The brushes of the running world."""
+        return self.simulation.world.resource(Palette)
+
+    @property
     def brush_names(self):
         """Names that a new brush cannot have."""
-        return {*self.library.names(), *self.simulation.world.resource(Palette).names}
+        return {*self.library.names(), *self.palette.names}
 
     def free_brush_name(self, name):
         """A name like this one that no brush has: march-2, and after that march-3."""

@@ -43,7 +43,15 @@ class Settings(BaseModel):
 
     def save(self, path=None) -> str:
         """Keep them for the next time; returns a sentence about what went wrong, "" when nothing did."""
-        return save_settings(self, path)
+        path = settings_path() if path is None else Path(path)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(path, (self.model_dump_json(indent=2) + "\n").encode())
+        except OSError as error:
+            return f"{path}: the settings cannot be saved: {error.strerror}"
+        except ProblemsError as error:
+            return str(error)
+        return ""
 
 
 def settings_path() -> Path:
@@ -94,16 +102,3 @@ def _understood(path, data):
         problem = problem or f"{path}: {key[0] if key else 'settings'}: {message}; ignored"
         wrong = {where[0] for where, _ in mistakes if where}
         data = {name: value for name, value in data.items() if name not in wrong} if wrong else {}
-
-
-def save_settings(settings: Settings, path=None) -> str:
-    """Write the settings; returns a sentence about what went wrong, "" when nothing did."""
-    path = settings_path() if path is None else Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(path, (settings.model_dump_json(indent=2) + "\n").encode())
-    except OSError as error:
-        return f"{path}: the settings cannot be saved: {error.strerror}"
-    except ProblemsError as error:
-        return str(error)
-    return ""

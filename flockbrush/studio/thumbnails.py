@@ -100,15 +100,8 @@ def _empty_disc(size, colour, theme):
 
 def make_in_background(names=(), size=64, theme="light") -> subprocess.Popen:
     """Begin to make the pictures of shipped brushes (all unless named) in a process of its own; `cached` finds them."""
-    command = [
-        sys.executable,
-        "-m",
-        "flockbrush.studio.thumbnails",
-        "--size",
-        str(size),
-        "--theme",
-        theme_of(theme).name,
-    ]
+    command = [sys.executable, "-m", "flockbrush.studio.thumbnails", "--size", str(size)]
+    command += ["--theme", theme_of(theme).name]
     quiet = subprocess.DEVNULL
     return subprocess.Popen([*command, *names], stdin=quiet, stdout=quiet, stderr=quiet)
 

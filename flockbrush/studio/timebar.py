@@ -135,18 +135,15 @@ class TimeBar:
         app, session = self.app, self.app.session
         set_icon(app, self.buttons["play"], "pause" if session.playing else "play")
         if self.rates is not None and self.rates.selected_option[0] != self._rate():
-            self._renew_rates()
+            place = self.rates.relative_rect.copy()
+            self.rates.kill()
+            self.rates = self._menu(list(RATES), self._rate(), place)
         if self.clock is not None:
             dt = session.clock.dt
             self.clock.say(f"{clock(session.tick * dt)} / {clock(session.last_tick * dt)}")
             self.lag.say(self._lag())
         self._update_branches()
         self.draw()
-
-    def _renew_rates(self):
-        place = self.rates.relative_rect.copy()
-        self.rates.kill()
-        self.rates = self._menu(list(RATES), self._rate(), place)
 
     def _lag(self):
         """How time goes, in words."""
@@ -167,7 +164,7 @@ class TimeBar:
     def _update_branches(self):
         if self.right + self.rect.x > self.rect.right - px(self.app.scale, 200):
             return
-        names, current = [str(name) for name in self.app.session.branches], self.app.branch_name()
+        names, current = [str(name) for name in self.app.session.branches], self.app.session.branch_name
         if (names, current) == self._branches or not names:
             return
         self._branches = (names, current)
@@ -187,17 +184,16 @@ class TimeBar:
 
     def _said(self):
         session = self.app.session
-        return (
-            session.tick,
-            session.last_tick,
-            self._span(),
-            self.app.branch_name(),
-            len(self._marks()),
-            self.dragging,
-        )
+        marks = len(self._marks())
+        return session.tick, session.last_tick, self._span(), session.branch_name, marks, self.dragging
 
     def _marks(self):
-        return self.app.current_branch().commands
+        return self.app.session.branches[self.app.session.branch_name].commands
+
+    def _forks(self):
+        """Branches that fork from the shown one, and its own fork from its parent."""
+        branches, name = self.app.session.branches.values(), self.app.session.branch_name
+        return [b for b in branches if b.parent == name or (b.name == name and b.parent)]
 
     def _strip(self):
         """The strip as a surface: what is known, what was done, where branches begin, and now."""
@@ -214,7 +210,7 @@ class TimeBar:
         self._draw_ticks(picture, x, top + tall, c)
         for tick in sorted({tick for tick, _ in self._marks()})[-2000:]:
             pygame.draw.circle(picture, c.ink, (x(tick), top + tall // 2), max(2, px(u, 2)))
-        for branch in app.forks():
+        for branch in self._forks():
             at = x(branch.left)
             pygame.draw.polygon(
                 picture, c.warning, [(at, top), (at - px(u, 5), top - px(u, 7)), (at + px(u, 5), top - px(u, 7))]

@@ -59,7 +59,7 @@ class Timeline:
         self._begin(beginning, name)
 
     @classmethod
-    def resumed(cls, branches, current, folder=None, measure=None, tell=None, budget=KEYFRAME_BYTES, at=None):
+    def resumed(cls, branches, current, folder, measure, at=None):
         """The timeline of branches that were known before, at the end of one of them, or at a tick of it.
 
         Parameters
@@ -74,7 +74,7 @@ class Timeline:
             When its end cannot be reached.
         """
         timeline = cls.__new__(cls)
-        timeline._prepare(next(iter(branches)), folder, measure, tell, budget)
+        timeline._prepare(next(iter(branches)), folder, measure, None, KEYFRAME_BYTES)
         timeline.branches = dict(branches)
         timeline.simulation = branches[current].beginning.build()
         for branch in [*branches.values(), branches[current]]:

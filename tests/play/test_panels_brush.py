@@ -12,7 +12,6 @@ from small_window import SmallWindow
 
 from flockbrush.studio.panels.brush_panel import BrushPanel
 from flockbrush.studio.panels.knobs import CHOICE, NUMBER, SWITCH, WHOLE, knobs_of
-from flockbrush.studio.panels.panel import palette_of
 from flockbrush.studio.panels.tuning import as_new, changes, command_of, turned, use
 
 
@@ -36,7 +35,7 @@ def window(level):
 
 
 def running(window, name="march"):
-    palette = palette_of(window.session)
+    palette = window.session.palette
     return palette.brushes[palette.named(name)]
 
 
@@ -235,7 +234,7 @@ def test_a_level_that_comes_with_flockbrush_keeps_its_folder_and_says_why():
 def test_a_brush_that_the_level_has_not_yet_is_brought_by_turning_a_knob(window):
     window.brush = "graze"
     window.wait()
-    assert "graze" not in palette_of(window.session).names
+    assert "graze" not in window.session.palette.names
     assert window.panel.name == "graze" and "not used here" in window.panel.about.said[0][0]
     window.panel.turn(row(window, "avoidance_weight").knob, 0.5, True)
     assert running(window, "graze").params.avoidance_weight == 0.5

@@ -11,7 +11,6 @@ from benchmarks.macros import EFFECTS, FORMATIONS, IN_FORMATION, with_slider
 from flockbrush.studio.panels.brush_panel import BrushPanel
 from flockbrush.studio.panels.knobs import SENTENCE, knobs_of
 from flockbrush.studio.panels.macros import SURE, macros_of, measured_sliders, reaches_goal
-from flockbrush.studio.panels.panel import palette_of
 from flockbrush.studio.panels.tuning import changes, turned, use
 
 MARCH = shipped().get("march")
@@ -140,7 +139,7 @@ def test_a_turned_slider_changes_the_running_herd_and_is_one_step_of_undo(tmp_pa
     window = SmallWindow(pasture(tmp_path), BrushPanel, brush="march")
 
     def running():
-        palette = palette_of(window.session)
+        palette = window.session.palette
         return palette.brushes[palette.named("march")]
 
     try:

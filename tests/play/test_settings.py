@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from flockbrush.studio.settings import Settings, config_folder, load_settings, save_settings
+from flockbrush.studio.settings import Settings, config_folder, load_settings
 
 
 @pytest.fixture
@@ -59,12 +59,12 @@ def test_a_wrong_setting_says_what_would_be_right(path):
 @pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="everybody may write everywhere here")
 def test_a_folder_that_may_not_be_written_is_said(tmp_path):
     tmp_path.chmod(0o500)
-    assert "cannot" in save_settings(Settings(), tmp_path / "deep" / "settings.json")
+    assert "cannot" in Settings().save(tmp_path / "deep" / "settings.json")
 
 
 def test_a_file_in_the_place_of_the_folder_is_said(tmp_path):
     (tmp_path / "deep").write_text("a file")
-    assert "cannot be saved" in save_settings(Settings(), tmp_path / "deep" / "settings.json")
+    assert "cannot be saved" in Settings().save(tmp_path / "deep" / "settings.json")
 
 
 def test_the_folder_is_where_the_system_wants_it(monkeypatch, tmp_path):

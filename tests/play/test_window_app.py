@@ -365,7 +365,7 @@ def test_painting_in_the_past_begins_a_branch_that_the_menu_shows(window):
     window.drag((12, 3), (14, 3))
     window.frames(8)
     assert len(window.session.branches) == 2 and len(window.timebar._branches[0]) == 2
-    old = next(name for name in window.session.branches if name != window.branch_name())
+    old = next(name for name in window.session.branches if name != window.session.branch_name)
     window.switch(old)
     window.frames(2)
     assert window.painted((13, 3)) is None

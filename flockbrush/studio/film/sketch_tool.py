@@ -38,15 +38,8 @@ class SketchMode(Mode):
             ("As drawn", lambda: self.set_even(False), "Speed of the pen while drawing"),
         )
         sketch = self.state.sketch
-        self.smooth = column.slider(
-            "Smoothing",
-            sketch.smooth,
-            0.0,
-            1.0,
-            lambda v: f"{100 * v:.0f} %",
-            self.set_smooth,
-            tip="Removes bends shorter than this",
-        )
+        show, tip = lambda v: f"{100 * v:.0f} %", "Removes bends shorter than this"
+        self.smooth = column.slider("Smoothing", sketch.smooth, 0.0, 1.0, show, self.set_smooth, tip=tip)
         self.length = None
         if self.window.film.path is None:
             self.length = column.slider(
@@ -189,17 +182,8 @@ class SketchMode(Mode):
         u, theme = self.window.scale, self.window.theme
         along = way / max(float(np.hypot(*way)), 1e-9)
         aside = np.array([-along[1], along[0]])
-        outline = (
-            (9, 0),
-            (3, 2),
-            (-2, 13),
-            (-2, 2),
-            (-8, 3),
-            (-8, -3),
-            (-2, -2),
-            (-2, -13),
-            (3, -2),
-        )  # along and across
+        half = (9, 0), (3, 2), (-2, 13), (-2, 2), (-8, 3)  # along and across
+        outline = *half, *((ahead, -across) for ahead, across in half[:0:-1])
         shape = [at + u * (ahead * along + across * aside) for ahead, across in outline]
         canvas.line(shape, 3.0 * u, theme.paper, 0.8, closed=True)
         canvas.area(shape, theme.ink)

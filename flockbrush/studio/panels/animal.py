@@ -22,7 +22,7 @@ from flockbrush.components import (
 )
 from flockbrush.render.forces import reason_colour
 from flockbrush.studio.panels.bars import Bar, bars_picture
-from flockbrush.studio.panels.panel import Picture, ScrollPanel, blank, palette_of, write
+from flockbrush.studio.panels.panel import Picture, ScrollPanel, blank, write
 from flockbrush.studio.widgets import enabled
 from flockbrush.systems.explain import explain
 from flockbrush.systems.landscape import Landscape
@@ -116,7 +116,7 @@ class AnimalPanel(ScrollPanel):
 
     def _show_facts(self, entity, facts, session, row):
         surface, px, colours = blank(self.pictures["facts"].size), self.px, self.colours
-        agents, palette = session.simulation.agents, palette_of(session)
+        agents, palette = session.simulation.agents, session.palette
         brush = palette.brushes[agents[BrushBinding.brush][row]]
         pygame.draw.circle(surface, self.app.colour_of(brush.name), (px(8), px(15)), px(7))
         species = session.simulation.world.resource(SpeciesList).names[agents[Species.index][row]]
@@ -144,7 +144,7 @@ class AnimalPanel(ScrollPanel):
         if not bars:
             write(surface, "This model does not report its forces.", (0, y), px(13), self.colours.muted, room=self.wide)
             y += self.row
-        fastest = palette_of(session).max_turn[palette_of(session).named(explanation.brush)]
+        fastest = session.palette.max_turn[session.palette.named(explanation.brush)]
         text = turning(explanation.turn / session.clock.dt, fastest)
         write(surface, text, (0, y), px(13), self.colours.ink, bold=True, room=self.wide)
         picture.show(surface)
@@ -181,7 +181,7 @@ def facts_of(session, row) -> list[tuple[str, str]]:
     speed, length = float(np.linalg.norm(agents[Velocity.xyz][row])), float(agents[Body.length][row])
     fx, fy = agents[Heading.forward][row, :2]
     x, y, z = agents[Position.xyz][row]
-    palette, binding = palette_of(session), agents[BrushBinding.brush][row]
+    palette, binding = session.palette, agents[BrushBinding.brush][row]
     blend = float(agents[BrushBinding.blend][row])
     before = palette.names[agents[BrushBinding.previous][row]]
     bird, goal = int(agents[ReferenceBird.entity][row]), int(agents[Destination.goal][row])
@@ -195,8 +195,7 @@ def facts_of(session, row) -> list[tuple[str, str]]:
         ("position", f"{x:.1f}, {y:.1f} m" + (f"; height {z:.1f} m" if z else "")),
         ("visible neighbours", f"{seen_by(world, row)}"),
     ]
-    ways = world.resource(Palette)
-    flying = ways.flies[binding] and not ways.grounded[binding]
+    flying = palette.flies[binding] and not palette.grounded[binding]
     if bird or flying:
         facts.append(("reference bird", f"animal {bird}" if bird else "none"))
     why = reason(world, row)

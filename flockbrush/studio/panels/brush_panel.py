@@ -13,7 +13,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.studio.brush_palette import whence
 from flockbrush.studio.panels.knobs import TABLES, Knob, knobs_of
 from flockbrush.studio.panels.macros import macros_of
-from flockbrush.studio.panels.panel import Panel, Picture, blank, palette_of, write
+from flockbrush.studio.panels.panel import Panel, Picture, blank, write
 from flockbrush.studio.panels.rows import PanelRow, row_of
 from flockbrush.studio.panels.tuning import changes, command_of, turned, use
 from flockbrush.studio.widgets import Shelf, enabled
@@ -78,7 +78,7 @@ class BrushPanel(Panel):
         return self._found(self.name)
 
     def _found(self, name) -> Brush | None:
-        palette = palette_of(self.app.session)
+        palette = self.app.session.palette
         if name in palette.index:
             return palette.brushes[palette.index[name]]
         try:
@@ -89,7 +89,7 @@ class BrushPanel(Panel):
     @property
     def is_in_world(self) -> bool:
         """Whether the selected brush is loaded in the running world."""
-        return self.name in palette_of(self.app.session).index
+        return self.name in self.app.session.palette.index
 
     def asset_of(self, brush: Brush) -> Brush:
         """A brush as its file has it; as it was when first seen, if it has none."""
@@ -107,7 +107,7 @@ class BrushPanel(Panel):
 
     def _show(self):
         """The brush as it is now."""
-        names = [brush.name for brush in palette_of(self.app.session).own]
+        names = [brush.name for brush in self.app.session.palette.own]
         candidates = (self._found(name) for name in (self.app.brush, self.name, *names))
         brush = next((brush for brush in candidates if brush is not None), None)
         if brush is None:
@@ -159,7 +159,7 @@ class BrushPanel(Panel):
         if not self.is_in_world:
             return "not used here"
         world = self.app.session.simulation.world
-        count = int((world.agents[BrushBinding.brush] == palette_of(self.app.session).index[brush.name]).sum())
+        count = int((world.agents[BrushBinding.brush] == self.app.session.palette.index[brush.name]).sum())
         return f"{count:,} {'animal' if count == 1 else 'animals'}"
 
     # rows -------------------------------------------------------------------------

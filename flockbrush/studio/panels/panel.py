@@ -24,7 +24,6 @@ from pygame_gui.elements import (
 from flockbrush.render.style import worn
 from flockbrush.studio.theme import chrome, font, px
 from flockbrush.studio.widgets import fitted
-from flockbrush.systems.palette import Palette
 
 FRESH = 0.25  # s; numbers that change faster than this cannot be read, and cost time
 SCROLL_BAR = 20  # pixels, whatever the scale
@@ -116,7 +115,7 @@ class Panel:
     @property
     def brush_colours(self) -> dict:
         """Colours "#rrggbb" of the world's brushes by name."""
-        brushes = palette_of(self.app.session).brushes
+        brushes = self.app.session.palette.brushes
         colours = worn([brush.colour for brush in brushes], self.app.theme)
         return {brush.name: colour for brush, colour in zip(brushes, colours, strict=True)}
 
@@ -251,11 +250,6 @@ def _is_held(part):
         state = part.current_state
         return state is not part.menu_states["closed"] or state.selected_option_button.held
     return isinstance(part, UIButton) and part.held
-
-
-def palette_of(session):
-    """The brushes of the running world."""
-    return session.simulation.world.resource(Palette)
 
 
 class Picture:
