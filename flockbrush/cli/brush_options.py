@@ -15,19 +15,10 @@ brush_app = typer.Typer(
 )
 
 
-class FirstHeadings(str, enum.Enum):
-    """How the herds of a path begin."""
-
-    RANDOM, ALIGNED, MILL = "random", "aligned", "mill"
-
-
-class StartLayout(str, enum.Enum):
-    """Arrangement of a herd at the start."""
-
-    scatter = "scatter"
-    grid = "grid"
-    ring = "ring"
-    line = "line"
+# how the herds of a path begin
+FirstHeadings = enum.Enum("FirstHeadings", {"random": "random", "aligned": "aligned", "mill": "mill"}, type=str)
+# arrangement of a herd at the start
+StartLayout = enum.Enum("StartLayout", {"scatter": "scatter", "grid": "grid", "ring": "ring", "line": "line"}, type=str)
 
 
 @brush_app.command("list")
@@ -107,7 +98,7 @@ def brush_morph(
     ] = None,
     begin: Annotated[
         FirstHeadings, option("Start of the herds: random headings, a common heading, or a turning disc.")
-    ] = FirstHeadings.RANDOM,
+    ] = FirstHeadings.random,
 ):
     """Measure a path between two brushes along which behaviour changes evenly; compare it with the straight line.
 

@@ -9,8 +9,7 @@ import typer
 from flockbrush.behaviours.brush_conversion import convert
 from flockbrush.behaviours.species import SUFFIX
 from flockbrush.behaviours.tomlfile import read_bytes
-from flockbrush.engine.files import held, write_bytes
-from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.files import held, refused, write_bytes
 from flockbrush.levels.libraries import library_beside
 from flockbrush.runs import terminal
 from flockbrush.runs.terminal import any_refused, print_line
@@ -29,7 +28,7 @@ def _convert(path, species, output):
     if convert(read_bytes(path), str(path), fauna, species) is None:
         return "nothing to convert"
     if not folder.is_dir():
-        raise ProblemsError([Problem(str(folder), None, None, "folder not found")])
+        raise refused(folder, "folder not found")
     with held(folder / path.name):
         converted = convert(read_bytes(path), str(path), fauna, species)  # as it is now that nobody else writes it
         return "nothing to convert" if converted is None else _written(converted, folder, path.name)

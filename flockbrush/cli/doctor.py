@@ -51,12 +51,8 @@ def _findings(check):
 
 
 def _python():
-    fine = sys.version_info >= (3, 11)
-    yield (
-        OK if fine else BAD,
-        "python",
-        platform.python_version() + ("" if fine else "; Python 3.11 or later is needed"),
-    )
+    old = "" if sys.version_info >= (3, 11) else "; Python 3.11 or later is needed"
+    yield BAD if old else OK, "python", platform.python_version() + old
     yield OK, "flockbrush", f"{flockbrush.__version__} in {HOUSE}"
 
 
@@ -99,11 +95,8 @@ def _package(name, tested, state, message):
     except metadata.PackageNotFoundError:
         return state, name, message
     if tested and version != tested:
-        return (
-            WARN,
-            name,
-            f"{version}; tested with {tested}: results may differ from other installations in the last bits",
-        )
+        told = f"{version}; tested with {tested}: results may differ from other installations in the last bits"
+        return WARN, name, told
     return OK, name, version
 
 
@@ -131,24 +124,14 @@ def _cache(folder):
     beside = folder == kernel_cache.BESIDE
     places = [Path(path) / "__pycache__" for path in systems.__path__] if beside else [folder]
     count = sum(1 for place in places for _ in place.rglob("*.nbc"))
-    return (
-        OK,
-        "compile cache",
-        f"{places[0]}, {count} kernels"
-        + ("" if count else "; the first run compiles kernels, which takes about a minute"),
-    )
+    first = "" if count else "; the first run compiles kernels, which takes about a minute"
+    return OK, "compile cache", f"{places[0]}, {count} kernels{first}"
 
 
 def _display():
-    if platform.system() in ("Windows", "Darwin"):
-        yield OK, "display", platform.system()
-        return
-    display = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
-    yield (
-        (OK, "display", display)
-        if display
-        else (OK, "display", "none; `flockbrush play` needs one, runs and exports do not")
-    )
+    own = platform.system() if platform.system() in ("Windows", "Darwin") else ""
+    display = own or os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
+    yield OK, "display", display or "none; `flockbrush play` needs one, runs and exports do not"
 
 
 def _programs():
@@ -161,14 +144,8 @@ def _programs():
     else:
         yield WARN, "tiled", "not found; needed to edit levels (Debian: apt install tiled; or mapeditor.org)"
     ffmpeg = shutil.which("ffmpeg")
-    if ffmpeg:
-        yield (
-            OK,
-            "ffmpeg",
-            " ".join(_first_line([ffmpeg, "-version"]).split()[:3]) + "; not needed, the package av writes videos",
-        )
-    else:
-        yield OK, "ffmpeg", "not found; not needed, the package av writes videos"
+    found = " ".join(_first_line([ffmpeg, "-version"]).split()[:3]) if ffmpeg else "not found"
+    yield OK, "ffmpeg", f"{found}; not needed, the package av writes videos"
 
 
 def _first_line(command):

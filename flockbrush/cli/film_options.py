@@ -11,12 +11,7 @@ import typer
 
 from flockbrush.cli.shared_options import Json, argument, grouped, option
 
-
-class LiftMethod(str, enum.Enum):
-    """Method of finding depths."""
-
-    smooth = "smooth"
-    cobyla = "cobyla"
+LiftMethod = enum.Enum("LiftMethod", {"smooth": "smooth", "cobyla": "cobyla"}, type=str)  # of finding depths
 
 
 def track(

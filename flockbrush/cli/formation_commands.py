@@ -35,26 +35,27 @@ def detect(paths, out, every, json):
     need_ending(out, ".csv")
     with claimed([out], paths):
         rows, span, lost = mark(paths, every)
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(["frame", "bird", "x_px", "y_px", "area_px", "wingspan_px"])
-        for frame, bird, patch in rows:
-            writer.writerow([frame, bird, f"{patch.x:.1f}", f"{patch.y:.1f}", f"{patch.area:.0f}", f"{span:.1f}"])
-        write_text(out, text.getvalue())
+        lines = [
+            (frame, bird, f"{patch.x:.1f}", f"{patch.y:.1f}", f"{patch.area:.0f}", f"{span:.1f}")
+            for frame, bird, patch in rows
+        ]
+        _write_table(out, ["frame", "bird", "x_px", "y_px", "area_px", "wingspan_px"], lines)
         for line in lost[:20]:
             say(line)
         frames = len({row[0] for row in rows})
-        summary = {
-            "frames": frames,
-            "birds": len(rows) // frames,
-            "wingspan_px": span,
-            "left_out": len(lost),
-            "out": str(out),
-        }
+        birds = len(rows) // frames
         if json:
-            print_json(summary)
+            facts = {"frames": frames, "birds": birds, "wingspan_px": span, "left_out": len(lost), "out": str(out)}
+            print_json(facts)
         else:
-            say(f"{summary['birds']} birds in {frames} frames, wingspan about {span:.1f} pixels: {out}")
+            say(f"{birds} birds in {frames} frames, wingspan about {span:.1f} pixels: {out}")
+
+
+def _write_table(out, heads, rows):
+    """Write a table as CSV."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([heads, *rows])
+    write_text(out, text.getvalue())
 
 
 def extract_formation(marks_path, out, plot, heading, wingspan, samples, json):
@@ -117,15 +118,13 @@ def fly(formation_path, options, out, plot, json):
         places = flight.frames(options.frames, fps)
         report = flight.report(places, fps) | {"seconds_to_make": time.perf_counter() - began}
         if out:
-            text = io.StringIO()
-            writer = csv.writer(text, lineterminator="\n")
-            writer.writerow(["frame", "bird", "x_b", "y_b", "time", "id", "x", "y", "z"])
+            lines = []
             for f, place in enumerate(places):
                 north = SPEED * f / fps  # m
                 for k, (x, y) in enumerate(place):
                     metres = f"{WINGSPAN * x:.4f}", f"{WINGSPAN * y + north:.4f}", f"{HEIGHT:g}"
-                    writer.writerow([f, k, f"{x:.6f}", f"{y:.6f}", f"{f / fps:.6f}", k + 1, *metres])
-            write_text(out, text.getvalue())
+                    lines.append((f, k, f"{x:.6f}", f"{y:.6f}", f"{f / fps:.6f}", k + 1, *metres))
+            _write_table(out, ["frame", "bird", "x_b", "y_b", "time", "id", "x", "y", "z"], lines)
         if plot:
             _draw_flight(plot, places, flight)
         if json:
@@ -140,10 +139,8 @@ def make_brush(formation_path, out, like):
     with claimed([out], [formation_path, *([like] if like is not None and Path(like).is_file() else [])]):
         formation = load_formation(formation_path)
         learned = write_brush(formation, out, like, str(formation.provenance.get("marks", formation_path.name)))
-    say(
-        f"{out}: "
-        + ", ".join(f"{key} {value if isinstance(value, str) else round(value, 3)}" for key, value in learned.items())
-    )
+    facts = (f"{key} {value if isinstance(value, str) else round(value, 3)}" for key, value in learned.items())
+    say(f"{out}: {', '.join(facts)}")
 
 
 def film_level(level, out, seconds, seed, theme):
@@ -191,20 +188,10 @@ def initiation(kinds, birds, runs, seed, ablate, out, json):
                 for kind in kinds:
                     for n in birds:
                         moved(len(rows), f"{kind} of {n}, {name}")
-                        rows.append(
-                            {
-                                "rules": name,
-                                "shape": kind,
-                                "birds": n,
-                                **_cell(kind, n, runs, seed, FormingRules(**changes)),
-                            }
-                        )
+                        cell = _cell(kind, n, runs, seed, FormingRules(**changes))
+                        rows.append({"rules": name, "shape": kind, "birds": n, **cell})
         if out:
-            text = io.StringIO()
-            writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
-            write_text(out, text.getvalue())
+            _write_table(out, list(rows[0]), [row.values() for row in rows])
         if json:
             print_json({"cells": rows})
             return

@@ -88,13 +88,7 @@ def formation_extract(
     extract_formation(marks, out, plot, heading, wingspan, samples, json)
 
 
-class ShapeName(str, enum.Enum):
-    """Textbook shapes of formations."""
-
-    V = "V"
-    U = "U"
-    J = "J"
-    line = "line"
+ShapeName = enum.Enum("ShapeName", {"V": "V", "U": "U", "J": "J", "line": "line"}, type=str)  # of textbooks
 
 
 @formation_app.command("initiate")
@@ -143,11 +137,8 @@ def formation_film(
     film_level(level, out, seconds, seed, theme.value)
 
 
-class KeyShapes(str, enum.Enum):
-    """Solver of key shapes."""
-
-    proximal = "proximal"
-    levenberg_marquardt = "levenberg-marquardt"
+# solver of key shapes
+KeyShapes = enum.Enum("KeyShapes", {"proximal": "proximal", "marquardt": "levenberg-marquardt"}, type=str)
 
 
 @dataclass

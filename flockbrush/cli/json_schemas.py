@@ -64,47 +64,38 @@ def sweep_schema() -> Schema:
     return _titled(schema, "Flockbrush sweep", f"a file NAME{sweep_file.SUFFIX}")
 
 
+def _object(required=(), **properties) -> Schema:
+    """Schema of a table with these properties."""
+    return {"type": "object", "required": list(required), "properties": properties}
+
+
 def level_schema() -> Schema:
     """Schema of ``NAME.tmj``: Tiled's JSON format with the classes and properties of Flockbrush."""
     classes = [c for c in CLASSES.values() if c.use == "object"]
     level = CLASSES["FlockbrushLevel"]
     group = {"required": ["name"], "properties": {"name": {"const": GROUP}}}
-    schema: Schema = {
-        "type": "object",
-        "required": ["type", "layers", "width", "height", "tilewidth", "tileheight", "properties"],
-        "properties": {
-            "type": {"const": "map"},
-            "orientation": {"const": "orthogonal"},
-            "width": {"type": "integer", "minimum": 1, "description": "tiles"},
-            "height": {"type": "integer", "minimum": 1, "description": "tiles"},
-            "properties": {"type": "array"},
-            "layers": {"type": "array", "items": {"$ref": "#/$defs/layer"}},
-            "tilesets": {"type": "array", "items": {"type": "object"}},
-        },
+    tiles = {"type": "integer", "minimum": 1, "description": "tiles"}
+    layers, kinds = _list_of("layer"), ["tilelayer", "objectgroup", "imagelayer", "group"]
+    schema: Schema = _object(
+        ["type", "layers", "width", "height", "tilewidth", "tileheight", "properties"],
+        type={"const": "map"}, orientation={"const": "orthogonal"}, width=tiles, height=tiles,
+        properties={"type": "array"}, layers=layers, tilesets={"type": "array", "items": {"type": "object"}},
+    ) | {
         "if": {"properties": {"layers": {"contains": group}}},  # the map of a game has properties of its own
         "then": {"properties": {"properties": _properties(replace(level, open=True))}},
         "else": {"properties": {"properties": _properties(level)}},
         "$defs": {
-            "layer": {
-                "type": "object",
-                "required": ["name", "type"],
-                "properties": {
-                    "name": {"type": "string"},
-                    "type": {"enum": ["tilelayer", "objectgroup", "imagelayer", "group"]},
-                    "layers": {"type": "array", "items": {"$ref": "#/$defs/layer"}},
-                    "objects": {"type": "array", "items": {"$ref": "#/$defs/object"}},
-                },
-            },
-            "object": {
-                "type": "object",
-                "required": ["id", "x", "y"],
-                "properties": {
-                    "id": {"type": "integer"},
-                    "name": {"type": "string"},
-                    "type": {"type": "string", "description": "class: " + ", ".join(c.name for c in classes)},
-                    "x": {"type": "number", "description": "pixels from the left edge"},
-                    "y": {"type": "number", "description": "pixels from the top edge"},
-                },
+            "layer": _object(
+                ["name", "type"],
+                name={"type": "string"}, type={"enum": kinds}, layers=layers, objects=_list_of("object"),
+            ),
+            "object": _object(
+                ["id", "x", "y"],
+                id={"type": "integer"}, name={"type": "string"},
+                type={"type": "string", "description": "class: " + ", ".join(c.name for c in classes)},
+                x={"type": "number", "description": "pixels from the left edge"},
+                y={"type": "number", "description": "pixels from the top edge"},
+            ) | {
                 "allOf": [
                     {
                         "if": {"required": ["type"], "properties": {"type": {"const": c.name}}},
@@ -115,11 +106,15 @@ def level_schema() -> Schema:
             },
             **{f"properties of {c.name}": _properties(c) for c in classes},
         },
-    }
+    }  # fmt: skip
     return _titled(schema, "Flockbrush level", "a map of the Tiled editor, NAME.tmj")
 
 
 SCHEMAS = {"brush": brush_schema, "level": level_schema, "sweep": sweep_schema}
+
+
+def _list_of(what) -> Schema:
+    return {"type": "array", "items": {"$ref": f"#/$defs/{what}"}}
 
 
 def _titled(schema, title, description):
@@ -132,29 +127,16 @@ def _titled(schema, title, description):
 def _properties(cls: ObjectClass) -> Schema:
     """Schema of the list of custom properties in Tiled: one item for each property of a class, or one for all."""
     names: Schema = {"type": "string"} if cls.open else {"enum": [p.name for p in cls.properties]}
-    item = {
-        "type": "object",
-        "required": ["name", "value"],
-        "properties": {"name": names, "type": {"type": "string"}},
+    item = _object(["name", "value"], name=names, type={"type": "string"}) | {
         "allOf": [
-            {
-                "if": {"properties": {"name": {"const": p.name}}},
-                "then": {"properties": {"value": _value(p)}},
-            }
+            {"if": {"properties": {"name": {"const": p.name}}}, "then": {"properties": {"value": _value(p)}}}
             for p in cls.properties
-        ],
+        ]
     }
     of_class = {"required": ["propertytype"], "properties": {"propertytype": {"const": cls.name}}}
     members = {"type": "object", "properties": {p.name: _value(p) for p in cls.properties}}
-    whole = {
-        "type": "object",
-        "required": ["name", "value"],
-        "properties": {
-            "name": {"type": "string"},
-            "type": {"const": "class"},
-            "value": members if cls.open else members | {"additionalProperties": False},
-        },
-    }
+    value = members if cls.open else members | {"additionalProperties": False}
+    whole = _object(["name", "value"], name={"type": "string"}, type={"const": "class"}, value=value)
     given = [_contains(p.name, of_class) for p in cls.properties if p.required]
     either = {"if": of_class, "then": whole, "else": item}
     schema = {"type": "array", "description": cls.meaning, "items": either}

@@ -141,14 +141,6 @@ class FitOptions(WrittenOptions):
     ] = "auto"
 
 
-def register(app: typer.Typer):
-    """Add the commands to the program."""
-    app.command()(learn)
-    app.command()(reenact)
-    app.command()(relation)
-    app.command("fields")(measure)
-
-
 # what a person writes --------------------------------------------------------------------
 
 
@@ -319,7 +311,7 @@ def relation(
 
 
 @grouped
-def measure(
+def measure_fields(
     clip: Annotated[Path, argument("CLIP", "Clip (video) of a herd from above, or a photograph.")],
     out: Annotated[Path, option("-o", "--out", "F.npz", "Fields file to write.")],
     preview: Annotated[Path | None, option("F.mp4", "Video to write: detected bodies, motion and density.")] = None,

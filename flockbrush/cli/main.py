@@ -17,12 +17,12 @@ from typing import Annotated
 import typer
 
 import flockbrush
-from flockbrush.cli import learning_commands as cli_learning
 from flockbrush.cli.brush_options import brush_app
 from flockbrush.cli.edit_options import edit
 from flockbrush.cli.export_options import WithExports, WithExportTable, chosen
 from flockbrush.cli.film_options import lift, track
 from flockbrush.cli.formation_options import formation_app
+from flockbrush.cli.learning_commands import learn, measure_fields, reenact, relation
 from flockbrush.cli.level_options import level_app
 from flockbrush.cli.program_options import program_app
 from flockbrush.cli.run_options import MarkOptions, PlayOptions, RunRequest, ServeOptions
@@ -210,24 +210,12 @@ def export(
     export_recording(recording, to, fps, threads, chosen(context, to), json, edits)
 
 
-app.command("edit")(edit)
+for command in (edit, measure, track, lift, sweep, learn, reenact, relation):
+    app.command()(command)
+app.command("fields")(measure_fields)
 
 
-app.command("measure")(measure)
-app.command("track")(track)
-app.command("lift")(lift)
-app.command("sweep")(sweep)
-
-
-cli_learning.register(app)
-
-
-class FileKind(str, enum.Enum):
-    """Files that have a JSON schema."""
-
-    brush = "brush"
-    level = "level"
-    sweep = "sweep"
+FileKind = enum.Enum("FileKind", {"brush": "brush", "level": "level", "sweep": "sweep"}, type=str)  # with a schema
 
 
 @app.command()

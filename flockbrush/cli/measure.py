@@ -77,25 +77,21 @@ def measure_recording(path, plot, every, thread_count, json):
 
         draw_series(plot, series, f"{simulation.level.name}, seed {run.header['seed']}")
     if json:
-        print_json(
-            {
-                "recording": str(path),
-                "level": simulation.level.name,
-                "seed": simulation.origin["seed"],
-                "ticks": run.last_tick,
-                "threads": threads(),
-                "measures": {name: values[-1] for name, values in series.items() if name != "time"},
-                "mean": {name: mean_of(values) for name, values in series.items() if name != "time"},
-                "series": series,
-                **simulation.parts(),
-                "states": simulation.states(),
-                "transitions": simulation.transitions(),
-                "plot": str(plot) if plot else None,
-            }
-        )
+        level, seed = simulation.level.name, simulation.origin["seed"]
+        about = {"recording": str(path), "level": level, "seed": seed, "ticks": run.last_tick, "threads": threads()}
+        states = {"states": simulation.states(), "transitions": simulation.transitions()}
+        print_json(about | series_as_json(series, simulation.parts() | states, plot))
     else:
         title = f"{simulation.level.name}: {len(series['time'])} moments of {simulation.clock.now:g} s"
         show_series(title, series, plot)
+
+
+def series_as_json(series, parts, plot):
+    """Measures over time, their last and their mean values, and the parts of the last moment, as plain data."""
+    numbers = {name: values for name, values in series.items() if name != "time"}
+    last = {name: values[-1] for name, values in numbers.items()}
+    means = {name: mean_of(values) for name, values in numbers.items()}
+    return {"measures": last, "mean": means, "series": series, **parts, "plot": str(plot) if plot else None}
 
 
 def mean_of(values):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from flockbrush.cli.level_commands import check_plot
-from flockbrush.cli.measure import as_series, mean_of, show_series
+from flockbrush.cli.measure import as_series, series_as_json, show_series
 from flockbrush.engine.files import sha256_of
 from flockbrush.film.observations import CannotObserve, Evidence
 from flockbrush.film.open_clip import Looking, look_at
@@ -99,15 +99,7 @@ def measure_tracks(path, looking: Looking, plot=None, every=1.0, as_json=False):
 
         draw_series(plot, series, f"{name}, lengths in {unit}", unit)
     if as_json:
-        numbers = {name: values for name, values in series.items() if name != "time"}
-        terminal.print_json(
-            {
-                "tracks": str(path), **about,
-                "measures": {name: values[-1] for name, values in numbers.items()},
-                "mean": {name: mean_of(values) for name, values in numbers.items()},
-                "series": series, **parts, "plot": str(plot) if plot else None,
-            }
-        )  # fmt: skip
+        terminal.print_json({"tracks": str(path), **about, **series_as_json(series, parts, plot)})
         return
     for note in about["notes"]:
         terminal.say(f"{path}: {note}")

@@ -7,8 +7,7 @@ from pathlib import Path
 from flockbrush.behaviours.brush import PATH_SUFFIX
 from flockbrush.behaviours.mixture import can_mix, path_to_toml
 from flockbrush.cli.level_commands import find_brush
-from flockbrush.engine.files import held, write_bytes
-from flockbrush.engine.problems import Problem, ProblemsError
+from flockbrush.engine.files import held, refused, write_bytes
 from flockbrush.runs.terminal import print_line, say
 from flockbrush.studies.morph import Route, Trial, morph, table
 
@@ -17,18 +16,13 @@ def morph_brushes(start, end, output, trials: list[Trial], route: Route):
     """Measure the path between two brushes, print the table and write the path."""
     first, last = find_brush(start), find_brush(end)
     if not can_mix(first, last) or first.name == last.name:
-        why = (
-            "both brushes are the same"
-            if first.name == last.name
-            else f"their models are {first.model} and {last.model}"
-        )
-        raise ProblemsError([Problem(f"{first.name} to {last.name}", None, None, f"there is no path: {why}")])
+        models = f"their models are {first.model} and {last.model}"
+        why = "both brushes are the same" if first.name == last.name else models
+        raise refused(f"{first.name} to {last.name}", f"there is no path: {why}")
     for option, names in (("--wander", ["wander"] if route.wander else []), ("--first", route.first)):
         for name in names:
             if not any(field.startswith(name) for field in type(first.params).model_fields):
-                raise ProblemsError(
-                    [Problem(first.name, None, None, f"model {first.model!r} has no parameter {name} ({option})")]
-                )
+                raise refused(first.name, f"model {first.model!r} has no parameter {name} ({option})")
     file = Path(output) if output else Path(f"{first.name}--{last.name}{PATH_SUFFIX}")
     with held(file):
         found = morph(first, last, trials, route, say)

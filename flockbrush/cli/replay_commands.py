@@ -32,7 +32,9 @@ def replay_recording(path, verify, to_tick, thread_count, json, folder=None):
         watch = running.Stopwatch(simulation)
         with stepping(Path(path).name, simulation, end, interrupts) as stepped:
             if verify:
-                difference = _compare(run, simulation, watch, end, stepped)
+                if not run.hashes:
+                    raise RecordingError(f"{run.path}: the recording has no state sums to compare with")
+                difference = first_difference(run, simulation.world, watch.tick, end, stepped)
             else:
                 running.go_to(run, simulation, end, stepped)
                 warn_if_unlike(run, simulation)
@@ -73,12 +75,6 @@ def _report(run, simulation):
         "hash": state_hash(simulation.world),
         "measures": simulation.measures(),
     }
-
-
-def _compare(run, simulation, watch, end, stepped):
-    if not run.hashes:
-        raise RecordingError(f"{run.path}: the recording has no state sums to compare with")
-    return first_difference(run, simulation.world, watch.tick, end, stepped)
 
 
 def _show_replay(report, verify):

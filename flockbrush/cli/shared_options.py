@@ -32,22 +32,8 @@ def argument(metavar: str, text: str):
     return typer.Argument(metavar=metavar, help=text)
 
 
-class ThemeName(str, enum.Enum):
-    """Colours of pictures and videos."""
-
-    light = "light"
-    dark = "dark"
-    vivid = "vivid"
-
-
-class PaletteName(str, enum.Enum):
-    """Colours of brushes."""
-
-    own = "own"
-    okabe_ito = "okabe-ito"
-    tol = "tol"
-
-
+ThemeName = enum.Enum("ThemeName", {"light": "light", "dark": "dark", "vivid": "vivid"}, type=str)
+PaletteName = enum.Enum("PaletteName", {"own": "own", "okabe_ito": "okabe-ito", "tol": "tol"}, type=str)
 LevelName = Annotated[str, argument("LEVEL", "Level: a .tmj file, or the name of a shipped level.")]
 
 
