@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import gc
-import os
 import time
 import warnings
 
@@ -20,6 +19,7 @@ from flockbrush.studio.column import Column
 from flockbrush.studio.control_keys import ControlKeys
 from flockbrush.studio.layout import places
 from flockbrush.studio.legend import Legend, ScaleBar
+from flockbrush.studio.session_files import file_version
 from flockbrush.studio.theme import chrome
 from flockbrush.studio.timebar import TimeBar
 from flockbrush.studio.toolbox import Toolbox
@@ -202,7 +202,7 @@ class App(ActiveTool, AppActions, CanvasEvents, Window):
         if self.session.edits is not None:
             self.guard_edits(self.session.edits.follow)
         changed = self.session.changed_on_disk()
-        version = changed and (changed, _written(self.session.path))
+        version = changed and (changed, file_version(self.session.path))
         if self.dialog is None:
             if changed == "changed" and not self.session.dirty and version != self._known_disk:
                 self.reload_live()
@@ -337,11 +337,3 @@ class App(ActiveTool, AppActions, CanvasEvents, Window):
             with contextlib.suppress(ValueError):
                 setattr(self.settings, name, value)
         self.settings.save()
-
-
-def _written(path):
-    """Modification time of a file, ns; 0 if it does not exist."""
-    try:
-        return os.stat(path).st_mtime_ns
-    except OSError:
-        return 0

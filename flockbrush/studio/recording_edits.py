@@ -20,6 +20,7 @@ from flockbrush.runs.edit_file import FIRST, EditFile, edits_of, parse_edits, se
 from flockbrush.runs.recording_selection import Selection, chosen
 from flockbrush.runs.run_edits import ALWAYS, IN_TIME, Edit, EditedMoments, Past, needs_past
 from flockbrush.runs.snapshots import moment_of, words_of
+from flockbrush.studio.session_files import file_version
 from flockbrush.systems.landscape import Landscape
 
 
@@ -52,7 +53,7 @@ class RecordingEdits:
     def __init__(self, path):
         self.path = Path(path)
         self.file: EditFile = edits_of(path)
-        self._written = _written(self.file.path)
+        self._written = file_version(self.file.path)
         self.selected = np.zeros(0, np.int64)
         self.start, self.end, self.layer, self.edition = 0.0, ALWAYS, FIRST, 0
         self._view: EditedMoments | None = None
@@ -135,12 +136,12 @@ class RecordingEdits:
         file = self._on_disk()
         change(file)
         file.save()
-        self.file, self._written = file, _written(file.path)
+        self.file, self._written = file, file_version(file.path)
         self._prepare()
 
     def follow(self):
         """Show what another program wrote to the file meanwhile; ProblemsError, once, where that cannot be read."""
-        written = _written(self.file.path)
+        written = file_version(self.file.path)
         if written != self._written:
             self._written = written
             self.file = self._on_disk()
@@ -262,15 +263,6 @@ class PassBeside:
         self._thread.join()
         if self.past is not None:
             self.past.close()
-
-
-def _written(path):
-    """What tells one version of a file from another; None where there is none."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 def edits_of_recording(path):

@@ -59,15 +59,13 @@ class LevelFile:
     def __init__(self, path, data=None):
         self.path = Path(path)
         self._known = _digest(self._bytes() if data is None else data)
-        self._seen = None  # of the file's time and size, when it was last compared
+        self._seen = None  # its version when it was last compared
 
     def changed(self):
         """ "" as long as it is the same, "changed" or "deleted"."""
-        try:
-            status = os.stat(self.path)
-        except OSError:
+        stamp = file_version(self.path)
+        if stamp is None:
             return "deleted" if self._known else ""
-        stamp = status.st_mtime_ns, status.st_size
         if stamp == self._seen:
             return ""
         if _digest(self._bytes()) != self._known:
@@ -84,6 +82,15 @@ class LevelFile:
             return self.path.read_bytes()
         except OSError:
             return None
+
+
+def file_version(path):
+    """What tells one version of a file from another; None where there is none."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 def _digest(data):

@@ -113,19 +113,20 @@ class Viewport:
     def show_flyers(self):
         """Look at the herd in space, and go with it, when most of it is in the air as the level begins."""
         self.prepare()
-        self._now()
-        herd = self.herd
-        if len(herd.xy) and float(np.mean(herd.z > herd.length)) > 0.5:
+        if self._flies():
             self.toggle_space()
             self.follow()
             self._followed = None, np.median(self._places(), axis=0)  # the first look shows all of it: it stays
 
     def _first_look(self):
         """From behind the herd, a little above it: who flies is seen before the sky."""
+        elevation = np.radians(LOW if self._flies() else HIGH)
+        self.look(self.painter.around(self.herd, replace(self.home, elevation=elevation)))
+
+    def _flies(self):
+        """Whether most of the herd is in the air now."""
         self._now()
-        herd = self.herd
-        flying = len(herd.xy) and float(np.mean(herd.z > herd.length)) > 0.5
-        self.look(self.painter.around(herd, replace(self.home, elevation=np.radians(LOW if flying else HIGH))))
+        return len(self.herd.xy) and float(np.mean(self.herd.z > self.herd.length)) > 0.5
 
     def look(self, camera):
         """Look at another part of the level; never so far away that it is lost."""

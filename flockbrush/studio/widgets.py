@@ -30,6 +30,8 @@ def fitted(text, letters, room) -> str:
 class PictureButton(UIButton):
     """A button with a picture for each of its states, which are there when it is drawn for the first time."""
 
+    icon = ""  # the name of its picture, if it is one of our icons
+
     def __init__(self, *arguments, pictures, at=(0.5, 0.5), **more):
         self._pictures, self._at = pictures, at
         super().__init__(*arguments, **more)
@@ -59,8 +61,10 @@ def icon_button(app, rect, picture, tip, container, size=18) -> PictureButton:
 
 def icon_row(app, place, step, icons, container) -> list[PictureButton]:
     """Buttons from a place on, `step` pixels from one to the next: (icon, tip, what a press does) each."""
-    buttons = [icon_button(app, place.move(k * step, 0), *icon[:2], container) for k, icon in enumerate(icons)]
-    app.buttons |= {button: do for button, (_, _, do) in zip(buttons, icons, strict=True)}
+    buttons = []
+    for k, (picture, tip, do) in enumerate(icons):
+        buttons.append(icon_button(app, place.move(k * step, 0), picture, tip, container))
+        app.buttons[buttons[-1]] = do
     return buttons
 
 

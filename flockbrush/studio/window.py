@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pygame
@@ -374,10 +376,12 @@ class Window:
 
 
 class FramesWindow(Window):
-    """A window that plays the frames of something in `area`, beside a column.
+    """A window that plays the frames of something in `area`, beside a column."""
 
-    A subclass has `count` (of frames), `keys`, `step`, `toggle_play` and `playing`.
-    """
+    column: Any
+    count: int  # of frames
+    step: Callable  # so many frames on
+    toggle_play: Callable
 
     def keys(self) -> dict:
         """What keys do, by their names, beside stepping through the frames."""

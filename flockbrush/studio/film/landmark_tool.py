@@ -72,7 +72,7 @@ class LandmarksMode(Mode):
             self._draw_box(canvas, *map(np.array, self.held), COLOURS[len(self.state.marks.landmarks) % 8], "", True)
 
     def _draw_box(self, canvas, one, other, colour, name, own):
-        u, low, high = self.window.scale, *map(self.window.at, (np.minimum(one, other), np.maximum(one, other)))
+        u, low, high = self.window.scale, self.window.at(np.minimum(one, other)), self.window.at(np.maximum(one, other))
         corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
         canvas.line(corners, 4.4 * u, self.window.theme.paper, 0.7, closed=True)
         canvas.line(corners, 2.4 * u, colour, closed=True, dash=None if own else (7 * u, 5 * u))

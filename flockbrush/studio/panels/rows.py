@@ -93,6 +93,13 @@ class PanelRow:
 
     def handle(self, event) -> bool:
         """Answer an event of one of the row's widgets."""
+        return self.made and (self.heard(event) or self._is_reset(event))
+
+    def heard(self, event) -> bool:
+        """Whether an event turns the knob."""
+        return False
+
+    def _is_reset(self, event):
         if event.type == UI_BUTTON_PRESSED and self.reset is not None and event.ui_element is self.reset:
             self.turn(self.knob, self.shown[1], True)
             return True
@@ -198,9 +205,7 @@ class NumberRow(PanelRow):
         inside = slider.sliding_button_width / 2 + self.scale.along(asset) * slider.scrollable_width
         return self.track.x + (self.track.width - slider.scrollable_width - slider.sliding_button_width) / 2 + inside
 
-    def handle(self, event):
-        if not self.made:
-            return False
+    def heard(self, event):
         if event.type == UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.slider:
             self.turn(self.knob, self.scale.value(self.slider.current_value), not self.held)
             return True
@@ -210,7 +215,7 @@ class NumberRow(PanelRow):
         if event.type == UI_TEXT_ENTRY_FINISHED and event.ui_element is self.entry:
             self._typed(event.text)
             return True
-        return super().handle(event)
+        return False
 
     def settle(self):
         if self.typing and not self.entry.is_focused:
@@ -259,14 +264,12 @@ class SwitchRow(PanelRow):
     def place(self, value):
         self.box.set_state(bool(value))
 
-    def handle(self, event):
-        if not self.made:
-            return False
+    def heard(self, event):
         if event.type in (UI_CHECK_BOX_CHECKED, UI_CHECK_BOX_UNCHECKED) and event.ui_element is self.box:
             if self.box.is_checked != self.shown[0]:
                 self.turn(self.knob, self.box.is_checked, True)
             return True
-        return super().handle(event)
+        return False
 
 
 class ChoiceRow(PanelRow):
@@ -289,14 +292,12 @@ class ChoiceRow(PanelRow):
             list(self.knob.choices), value, rect, self.panel.manager, container=self.container, object_id="@choice"
         )
 
-    def handle(self, event):
-        if not self.made:
-            return False
+    def heard(self, event):
         if event.type == UI_DROP_DOWN_MENU_CHANGED and event.ui_element is self.menu:
             if event.text != self.shown[0]:
                 self.turn(self.knob, event.text, True)
             return True
-        return super().handle(event)
+        return False
 
 
 WIDGETS = ("picture", "slider", "entry", "box", "menu")  # of rows of any kind

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from flockbrush.components import Position
-from flockbrush.render.style import rgb
 from flockbrush.studio.outlines import rows
 from flockbrush.studio.tools.tool import Stroke, Tool
 from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, change, free_name, moved, outline, thing_of
@@ -33,7 +32,7 @@ class AddAnimalsTool(Stroke):
         if brush is None or app.is_off_map(stop, stop, app.size):
             return
         add = AddAnimals(brush, *stop, app.size, app.options["count"], app.species_of(brush))
-        if app.do("add animals", [*app.brush_needed(brush), add], self.join):
+        if app.do("add animals", [*self.needed(), add], self.join):
             self._tell_of_paint(stop, brush)
 
     def begin(self, xy):
@@ -49,10 +48,6 @@ class AddAnimalsTool(Stroke):
             app.notify(
                 f"the ground here is painted with {painted}: animals follow that brush here, and {brush} elsewhere"
             )
-
-    def cursor(self, surface, camera):
-        brush = self.app.brush
-        self.ring(surface, camera, self.app.size, rgb(self.app.colour_of(brush)) if brush else self.app.theme.ink)
 
 
 class Predator(Tool):
@@ -91,7 +86,7 @@ class Predator(Tool):
 class RemoveAnimalsTool(Stroke):
     """Takes animals away."""
 
-    name, title, key, icon = "remove", "Remove animals", "r", "remove"
+    name, title, key, icon, ink = "remove", "Remove animals", "r", "remove", "predator"
     tip = "Remove the animals within the circle"
     hint = "Click or drag over animals to remove them."
     options = ("size",)
@@ -102,9 +97,6 @@ class RemoveAnimalsTool(Stroke):
         away = np.hypot(*(app.session.simulation.agents[Position.xyz][:, :2] - stop).T)
         if (away <= app.size).any():
             app.do("remove animals", [RemoveAnimals(*stop, app.size)], self.join)
-
-    def cursor(self, surface, camera):
-        self.ring(surface, camera, self.app.size, self.app.theme.predator)
 
 
 class Select(Tool):

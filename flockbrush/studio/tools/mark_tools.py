@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from flockbrush.render.style import rgb
 from flockbrush.studio.tools.things import OutlineTool, PathTool
 from flockbrush.studio.tools.tool import Tool
 from flockbrush.studio.tools.world_tools import things
@@ -16,31 +15,22 @@ class ZoneTool(OutlineTool):
     tip = "Draw a zone in which animals follow the selected brush; P adds a speed limit or an event"
     hint, label, palette = "Drag to draw a zone with the selected brush.", "draw a zone", "brush"
 
-    def needed(self):
-        return self.app.brush_needed(self.app.brush)
-
     def command(self, name, points):
         return DrawZone(self.app.new_id(), name, points, self.app.brush)
-
-    def colour(self):
-        return rgb(self.app.colour_of(self.app.brush))
 
 
 class LineTool(PathTool):
     """Draws lines whose crossings are counted."""
 
-    name, title, key, icon, ink, spoken = "line", "Counting line", "y", "line", "ink", "a counting line"
+    name, title, key, icon, spoken, makes = "line", "Counting line", "y", "line", "a counting line", DrawLine
     tip = "Draw a line that counts the animals that cross it; drag its points to reshape it"
     hint = "Drag to draw a line that counts crossings. Drag its points to reshape it."
-
-    def command(self, number, name, points):
-        return DrawLine(number, name, points)
 
 
 class MeasuredAreaTool(OutlineTool):
     """Draws areas in which animals are counted."""
 
-    name, title, key, icon, thing = "area", "Measured area", "m", "area", "muted"
+    name, title, key, icon, ink = "area", "Measured area", "m", "area", "muted"
     tip = "Draw an area in which animals are counted; programs can use it too"
     hint, label = "Drag to draw an area in which animals are counted.", "draw a measured area"
 

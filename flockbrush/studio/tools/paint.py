@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flockbrush.render.style import rgb
 from flockbrush.studio.tools.tool import Stroke, Tool
 from flockbrush.studio.tools.world_tools import KINDS
 from flockbrush.systems.edits import Paint, RemoveThing, fill, pick
@@ -39,14 +38,6 @@ class Painting(Stroke):
             return  # between the last cells and the rim of the map
         app.do(f"paint {LAYERS[self.layer]}", [*self.needed(), what], self.join)
 
-    def needed(self):
-        """Commands that must come before."""
-        return []
-
-    def colour(self):
-        """Of the cursor."""
-        return self.app.theme.ink
-
     def cursor(self, surface, camera):
         if self.at is None:
             return
@@ -67,12 +58,6 @@ class PaintBrushTool(Painting):
     def end(self):
         self.app.tell_unbound()
 
-    def needed(self):
-        return self.app.brush_needed(self.app.brush)
-
-    def colour(self):
-        return rgb(self.app.colour_of(self.app.brush))
-
 
 class PaintCapTool(Painting):
     """Paints how fast animals may go."""
@@ -80,10 +65,7 @@ class PaintCapTool(Painting):
     name, title, key, icon = "cap", "Paint a speed limit", "c", "cap"
     tip = "Paint a speed limit"
     hint = "Drag over the ground to limit the speed there."
-    layer = palette = "cap"
-
-    def colour(self):
-        return self.app.theme.cap
+    layer = palette = ink = "cap"
 
 
 class PaintSurface(Painting):
@@ -111,7 +93,8 @@ class Erase(Stroke):
             Paint(layer, blank[layer], *start, *stop, app.size) for layer in layers if self._is_painted(layer)
         ]  # fmt: skip
         if what in (*ERASES, "things"):
-            commands += [RemoveThing(kind, thing.id) for kind, thing in self._touched(start, stop)]
+            touched = app.things_at([start, stop], self.reach(5), kinds=KINDS)
+            commands += [RemoveThing(kind, thing.id) for kind, thing in touched]
         if commands:
             app.do("erase", commands, self.join)
 
@@ -121,9 +104,6 @@ class Erase(Stroke):
         if layer == "cap":
             return bool(np.isfinite(land.surface[..., 1]).any())
         return layer != "brush" or bool((land.brush >= 0).any())
-
-    def _touched(self, start, stop):
-        return self.app.things_at([start, stop], self.reach(5), kinds=KINDS)
 
 
 class Pick(Tool):

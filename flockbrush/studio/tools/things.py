@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -56,7 +57,6 @@ class OutlineTool(ShapeTool):
     """Draws outlines: with a round pen, as a rectangle, or corner by corner."""
 
     options: tuple[str, ...] = ("shape", "size")
-    thing = ""  # what the theme calls its colour
     label = ""  # what a step of undo is called
     HINTS = {
         "pen": "Drag to draw with a round pen.",
@@ -125,10 +125,6 @@ class OutlineTool(ShapeTool):
         if commands:
             app.do(self.label, [*self.needed(), *commands])
 
-    def needed(self):
-        """Commands that must come before."""
-        return []
-
     def command(self, name, points):
         """The command that puts one down."""
         raise NotImplementedError
@@ -146,10 +142,6 @@ class OutlineTool(ShapeTool):
             self.path(surface, camera, [*self.points, *ends], colour)
             self.dots(surface, camera, self.points, colour)
 
-    def colour(self):
-        """What its outlines are drawn in."""
-        return getattr(self.app.theme, self.thing)
-
     def _pen(self, surface, camera):
         """What has been drawn so far."""
         width = min(max(2, round(2 * self.app.size * camera.scale_at(self.points[-1]))), 400)
@@ -163,7 +155,7 @@ class OutlineTool(ShapeTool):
 class ObstacleTool(OutlineTool):
     """Draws obstacles."""
 
-    name, title, key, icon, thing = "obstacle", "Obstacle", "o", "obstacle", "obstacle_edge"
+    name, title, key, icon, ink = "obstacle", "Obstacle", "o", "obstacle", "obstacle_edge"
     tip = "Draw an obstacle; press the key again to change the drawing mode"
     hint, label = "Drag to draw an obstacle.", "add an obstacle"
     options = ("shape", "size", "solid", "blocks_view")
@@ -176,7 +168,8 @@ class ObstacleTool(OutlineTool):
 class PathTool(ShapeTool):
     """Draws things that are lines, and reshapes those there are."""
 
-    ink = spoken = ""  # what the theme calls its colour, and a person the thing
+    spoken = ""  # what a person calls the thing
+    makes: Callable  # the command that draws one: id, name, points
 
     def __init__(self, app):
         super().__init__(app)
@@ -278,17 +271,13 @@ class PathTool(ShapeTool):
     def _draw(self, points):
         app = self.app
         name = free_name(app.session.simulation, self.name)
-        app.do(f"draw {self.spoken}", [self.command(app.new_id(), name, rows(points))])
+        app.do(f"draw {self.spoken}", [self.makes(app.new_id(), name, rows(points))])
 
     def _reshape(self, number, points, label):
         change(self.app, label, self.name, number, lambda command: replace(command, points=rows(points)))
 
-    def command(self, number, name, points):
-        """The command that draws one."""
-        raise NotImplementedError
-
     def cursor(self, surface, camera):
-        colour = getattr(self.app.theme, self.ink)
+        colour = self.colour()
         if self.points:
             ends = [self.at] if self.at and not self.dragging else []
             self.path(surface, camera, [*self.points, *ends], colour, width=2.5)
@@ -309,12 +298,9 @@ class PathTool(ShapeTool):
 class GuideTool(PathTool):
     """Draws arrows for leaders to follow."""
 
-    name, title, key, icon, ink, spoken = "guide", "Guide", "g", "guide", "guide", "a guide"
+    name, title, key, icon, ink, spoken, makes = "guide", "Guide", "g", "guide", "guide", "a guide", DrawGuide
     tip = "Draw a guide that leaders follow; drag its points to reshape it"
     hint = "Drag to draw a guide for leaders. Drag its points to reshape it."
-
-    def command(self, number, name, points):
-        return DrawGuide(number, name, points)
 
 
 class SpanTool(ShapeTool):
@@ -383,8 +369,6 @@ class GoalTool(SpanTool):
 class AreaTool(SpanTool):
     """Draws rectangular areas from corner to corner."""
 
-    thing = ""
-
     def draw(self, a, b):
         if self.is_near(a, b):
             r = self.app.usual_radius()
@@ -401,13 +385,13 @@ class AreaTool(SpanTool):
 
     def cursor(self, surface, camera):
         if self.dragging:
-            self.path(surface, camera, box(*self.points), getattr(self.app.theme, self.thing), closed=True)
+            self.path(surface, camera, box(*self.points), getattr(self.app.theme, self.ink), closed=True)
 
 
 class ExitTool(AreaTool):
     """Draws areas in which animals leave the world."""
 
-    name, title, key, icon, thing = "exit", "Exit", "x", "exit", "exit"
+    name, title, key, icon, ink = "exit", "Exit", "x", "exit", "exit"
     tip = "Draw an area that removes animals that enter it"
     hint = "Drag a rectangle: animals that enter it are removed."
 
@@ -419,7 +403,7 @@ class ExitTool(AreaTool):
 class SpawnAreaTool(AreaTool):
     """Draws areas in which animals come into the world."""
 
-    name, title, key, icon, thing = "spawn", "Spawn area", "a", "spawn", "spawn"
+    name, title, key, icon, ink = "spawn", "Spawn area", "a", "spawn", "spawn"
     tip = "Draw an area in which animals are created, now and at each start of the level"
     hint = "Drag a rectangle: animals are created there, now and at each start of the level."
     palette, options = "brush", ("count",)
@@ -428,4 +412,4 @@ class SpawnAreaTool(AreaTool):
         app, brush = self.app, self.app.brush
         name = free_name(app.session.simulation, "spawn")
         mark = MarkSpawn(app.new_id(), name, rows(corners), brush, app.species_of(brush), app.options["count"])
-        app.do("mark a spawn area", [*app.brush_needed(brush), mark])
+        app.do("mark a spawn area", [*self.needed(), mark])

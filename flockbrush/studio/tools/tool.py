@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pygame
 
-from flockbrush.render.style import Colour
+from flockbrush.render.style import Colour, rgb
 from flockbrush.render.view_camera import ViewCamera
 
 _strokes = itertools.count(1)
@@ -38,12 +38,15 @@ class Tool:
         What one chooses from while the tool is in hand; "layer": whatever the option of that name says.
     options : tuple of str
         Names of what can be set, see `flockbrush.studio.options`.
+    ink : str
+        What the theme calls the colour that its cursor has, unless it works with a brush.
     selects : str
         What to do before something can be deleted.
     """
 
     name = title = key = icon = tip = hint = palette = ""
     options: tuple[str, ...] = ()
+    ink = "ink"
     selects = "first click an object with the Select tool"
 
     def __init__(self, app):
@@ -93,6 +96,11 @@ class Tool:
     def cursor(self, surface, camera):
         """Draw what the tool would do, above everything, on the canvas."""
 
+    def colour(self) -> Colour:
+        """Of the cursor: that of the selected brush for a tool that works with one."""
+        brush = self.app.brush if self.palette == "brush" else ""
+        return rgb(self.app.colour_of(brush)) if brush else getattr(self.app.theme, self.ink)
+
     def ring(self, surface, camera, radius, colour: Colour):
         """Draw a circle of so many metres around the mouse, to be seen on light and dark ground."""
         if self.at is None:
@@ -128,6 +136,10 @@ class Tool:
             pygame.draw.lines(surface, colour, closed, pixels.tolist(), max(1, round(width * self.app.scale)))
 
     # helpers ---------------------------------------------------------------------
+
+    def needed(self) -> list:
+        """Commands that must come before: those that load the selected brush, for a tool that works with one."""
+        return self.app.brush_needed(self.app.brush) if self.palette == "brush" else []
 
     def reach(self, pixels=9.0):
         """So many pixels in metres, at the interface's scale: how near is near enough."""
@@ -182,4 +194,4 @@ class Stroke(Tool):
         """The stroke is over."""
 
     def cursor(self, surface, camera):
-        self.ring(surface, camera, self.app.size, self.app.theme.ink)
+        self.ring(surface, camera, self.app.size, self.colour())
