@@ -17,7 +17,7 @@ from flockbrush.engine.recording import RecordingError
 from flockbrush.levels.editor import EditError, Editor, JournalError
 from flockbrush.levels.libraries import brush_library
 from flockbrush.runs import run as running
-from flockbrush.runs.snapshots import moment_of, names_of
+from flockbrush.runs.snapshots import moment_of
 from flockbrush.studio.branches import Beginning, recording_problems
 from flockbrush.studio.gauges import chart_of, sample_of
 from flockbrush.studio.history import History
@@ -219,15 +219,6 @@ class Session(TickRunner, SessionFiles):
         """(width, height) of a periodic map, m, or None."""
         return self.scene.world.resource(Landscape).wrap
 
-    def names(self):
-        """(species, brushes): names by index, as they are now."""
-        return names_of(self.simulation)
-
-    @property
-    def moment(self):
-        """The animals as they exactly are."""
-        return self._after
-
     def notices(self):
         """What the designer should know, each once."""
         return [self._notices.pop(0) for _ in range(len(self._notices))]  # a tick may have more to say meanwhile
@@ -284,7 +275,7 @@ class Session(TickRunner, SessionFiles):
     def scrub(self, tick, budget_s=None):
         """Go to a tick that is known; whether it is there already.
 
-        With a budget in seconds, the rest of a long way is gone in the next calls of `advance`.  The past stays as it
+        With a budget in seconds, the rest of a long way is gone in the next calls of `catch_up`.  The past stays as it
         was; whatever is done there begins a branch.
         """
         self.playing, self._goal = False, int(tick)

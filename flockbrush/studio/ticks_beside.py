@@ -88,7 +88,7 @@ class TickRunner:
 
     @property
     def ticking(self):
-        """Whether ticks run beside: what is not from `view`, `moment` or `scene` is waited for."""
+        """Whether ticks run beside: what is not from `view` or `scene` is waited for."""
         return self._beside.busy
 
     def view(self):
@@ -99,37 +99,11 @@ class TickRunner:
         share = min(max(self._owed + self._due - self._behind, 0.0), 1.0)
         return between(self._before, self._after, start + share * (end - start), self.wrap)
 
-    def advance(self, wall_seconds, budget_s):
-        """Simulate what real time asks for, as far as the budget allows.
-
-        At least one tick, if one is due, and never one that is not expected to fit; what could not be done is
-        forgotten, so a slow machine plays slower and never falls behind.
-
-        Parameters
-        ----------
-        wall_seconds : float
-            Real time since the last call.
-        budget_s : float
-            Seconds this may take.
-
-        Returns
-        -------
-        int
-            Ticks that have passed.
-        """
-        self.catch_up(wall_seconds, budget_s)
-        self._behind, self._passed = 0.0, 0
-        self.set_off(budget_s)
-        self._collect()
-        ticks, self._passed = self._passed, 0
-        self._pace.passed(0.0, ticks * self.scene.clock.dt)
-        return ticks
-
     def catch_up(self, wall_seconds, budget_s, patience_s=None):
         """Let real time pass, have the ticks that ran beside, and go on with a scrub; whether the world stands still.
 
-        The first half of `advance`, for who draws while ticks run; `set_off` is the second.  In between nothing
-        happens, and the world can be looked at.
+        The first half of a frame; `set_off` is the second.  In between nothing happens, and the world can be looked
+        at.
 
         Parameters
         ----------
@@ -154,6 +128,9 @@ class TickRunner:
 
     def set_off(self, budget_s):
         """Have the ticks that are due run beside, as far as a budget in seconds allows.
+
+        At least one tick, if one is due, and never one that is not expected to fit; what could not be done is
+        forgotten, so a slow machine plays slower and never falls behind.
 
         Those in which commands are due are waited for: what they change of the ground is drawn by nobody before.
         """

@@ -100,3 +100,14 @@ def by_hand(session, branch=None):
 def texts(session):
     """What a session has said, in words."""
     return [notice.text for notice in session.notices()]
+
+
+def advance(session, wall_seconds, budget_s):
+    """A whole frame of a session at once: the ticks that have passed."""
+    session.catch_up(wall_seconds, budget_s)
+    session._behind, session._passed = 0.0, 0
+    session.set_off(budget_s)
+    session._collect()
+    ticks, session._passed = session._passed, 0
+    session._pace.passed(0.0, ticks * session.scene.clock.dt)
+    return ticks

@@ -17,7 +17,7 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.obstacle_commands import AddObstacle
 from flockbrush.systems.paint_commands import PaintBrush
 from flockbrush.systems.undo import UseBrush
-from small_pasture import pasture, stroke, verified
+from small_pasture import advance, pasture, stroke, verified
 from typer.testing import CliRunner
 from window import Window
 
@@ -255,7 +255,7 @@ def test_nothing_stays_either_where_a_signal_ends_it_with_nothing_unsaved(record
 
 def frames(session, count):
     for _ in range(count):
-        session.advance(0.4, 10)
+        advance(session, 0.4, 10)
 
 
 def test_after_a_crash_who_opens_the_recording_is_offered_the_session_with_its_edits(recording):

@@ -165,7 +165,7 @@ def test_brushes_of_ones_own_are_there_after_a_crash(level, state):
     session.step(4)
     crashed(session)
     again = Session.recover(leftovers(root=state)[0], state)
-    assert "mine" in again.library.names() and "mine" in again.names()[1]
+    assert "mine" in again.library.names() and "mine" in again.palette.names
     again.restart()
     again.step(5)
     assert "mine" in again.chart.counts and texts(again) == []

@@ -10,7 +10,7 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from small_pasture import by_hand, pasture, straight_run, stroke, texts, verified
+from small_pasture import advance, by_hand, pasture, straight_run, stroke, texts, verified
 
 from flockbrush.runs.run import begin
 from flockbrush.studio.session import Session
@@ -26,7 +26,7 @@ def level(tmp_path_factory):
 
 def played(session, frames, budget=PLENTY):
     """So many frames of real time; the ticks that have passed."""
-    return sum(session.advance(FRAME, budget) for _ in range(frames))
+    return sum(advance(session, FRAME, budget) for _ in range(frames))
 
 
 # time ---------------------------------------------------------------------------
@@ -62,10 +62,10 @@ def test_a_slow_machine_plays_slower_and_never_falls_behind(session, monkeypatch
     monkeypatch.setattr(session.timeline, "step", slow)
     session.play()
     for _ in range(40):
-        assert session.advance(0.1, 0.02) == 1
+        assert advance(session, 0.1, 0.02) == 1
     assert session.pace == pytest.approx(10 / 32)
     monkeypatch.setattr(session.timeline, "step", step)
-    assert session.advance(1 / 32, PLENTY) <= 2  # nothing is made up for
+    assert advance(session, 1 / 32, PLENTY) <= 2  # nothing is made up for
 
 
 def test_one_frame_never_takes_longer_than_its_budget(session, monkeypatch):
@@ -82,19 +82,19 @@ def test_one_frame_never_takes_longer_than_its_budget(session, monkeypatch):
     session.play()
     played(session, 20, 0.01)
     before = now[0]
-    assert session.advance(FRAME, 0.01) == 2 and now[0] - before == pytest.approx(0.008)
+    assert advance(session, FRAME, 0.01) == 2 and now[0] - before == pytest.approx(0.008)
 
 
 def test_sheep_glide_between_ticks(session):
     session.step(4)
     session.play()
-    session.advance(1.5 / 32, PLENTY)
-    before, after = session._before, session.moment
+    advance(session, 1.5 / 32, PLENTY)
+    before, after = session._before, session._after
     middle = session.view()
     assert middle.time == pytest.approx((before.time + after.time) / 2)
     assert middle.xyz == pytest.approx((before.xyz + after.xyz) / 2)
     session.pause()
-    assert session.view() is session.moment
+    assert session.view() is session._after
 
 
 def test_the_past_is_watched_again_and_then_goes_on(session, level):
@@ -116,7 +116,7 @@ def test_dragging_through_a_long_past_takes_its_time(session):
     for _ in range(200):
         if session.tick == 59:
             break
-        session.advance(FRAME, 0.001)
+        advance(session, FRAME, 0.001)
     assert session.tick == 59 and not session.playing
     session.scrub(20, budget_s=0.0)
     session.do("paint", [stroke("swarm", 8, 8, 3)])  # whoever acts, acts where he wanted to be

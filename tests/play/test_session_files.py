@@ -34,7 +34,7 @@ def level(tmp_path):
 
 def brushes(session):
     """Names of the brushes that animals have, by entity."""
-    names = session.names()[1]
+    names = session.palette.names
     binding = session.simulation.agents[BrushBinding.brush]
     return dict(zip(session.simulation.agents.ids.tolist(), [names[k] for k in binding], strict=True))
 
@@ -74,11 +74,11 @@ def test_painted_sheep_take_up_the_brush_and_after_undo_their_own(tmp_path):
 def test_animals_that_come_back_are_the_same_animals(session):
     session.do("add", [AddAnimals("march", 4, 12, 2, 3, "sheep")])
     session.step(3)
-    ids, xyz = session.moment.ids.copy(), session.moment.xyz.copy()
+    ids, xyz = session._after.ids.copy(), session._after.xyz.copy()
     session.undo()
-    assert len(session.moment) == 9
+    assert len(session._after) == 9
     session.redo()
-    assert session.moment.ids.tolist() == ids.tolist() and (session.moment.xyz == xyz).all()
+    assert session._after.ids.tolist() == ids.tolist() and (session._after.xyz == xyz).all()
 
 
 def test_undo_in_the_past_is_another_course_of_events(session):
@@ -92,7 +92,7 @@ def test_undo_in_the_past_is_another_course_of_events(session):
     assert session.redo_label == "rock"
     session.step(2)
     session.switch("pasture")
-    assert session.undo_label == "add" and session.dirty and len(session.moment) == 12
+    assert session.undo_label == "add" and session.dirty and len(session._after) == 12
 
 
 def test_undo_of_nothing_in_the_past_begins_no_branch(session):
@@ -153,7 +153,7 @@ def test_a_run_begins_anew_with_what_was_painted_and_tuned(session):
     session.restart()
     assert session.tick == 0 and session.simulation is not world and list(session.branches) == ["pasture", "pasture-2"]
     assert "rock" in [barrier.name for barrier in session.level.obstacles] or len(session.level.obstacles) == 2
-    assert len(session.moment) == 13 and session.ground_changes() == ["all"]
+    assert len(session._after) == 13 and session.ground_changes() == ["all"]
     brush = session.simulation.world.resource(Palette).brushes[0]
     assert brush.name == "march" and brush.parameters["cohesion_weight"] == 0.25
     assert session.undo_label == label and session.dirty
@@ -164,7 +164,7 @@ def test_a_run_begins_anew_with_what_was_painted_and_tuned(session):
 
 
 def test_a_restarted_run_is_a_recording_of_its_own(session, tmp_path):
-    session.do("paint", [stroke("graze", 6, 8, 3)]) if "graze" in session.names()[1] else None
+    session.do("paint", [stroke("graze", 6, 8, 3)]) if "graze" in session.palette.names else None
     session.do("rock", [rock(session.editor.new_id())])
     session.step(4)
     session.restart()

@@ -265,7 +265,8 @@ VICTIM = """
     last, deeds = time.monotonic(), 0
     while True:
         now = time.monotonic()
-        session.advance(now - last, 0.01)
+        session.catch_up(now - last, 0.01)
+        session.set_off(0.01)
         last = now
         if session.tick > 3 * deeds:
             deeds += 1

@@ -79,10 +79,10 @@ def test_what_is_shown_stays_while_a_tick_runs_and_who_asks_for_the_world_waits(
     begun(session)
     shown = session.view()
     assert not session.catch_up(FRAME, PLENTY, 0.0) and session.ticking
-    assert session.moment.time == shown.time == 0.0
+    assert session._after.time == shown.time == 0.0
     gate.open_soon()
     assert session.tick == 1 and not session.ticking
-    assert session.moment.time == pytest.approx(TICK)
+    assert session._after.time == pytest.approx(TICK)
 
 
 def test_who_has_no_patience_gets_ticks_later_and_none_is_lost(session, gate):
@@ -203,7 +203,7 @@ def test_one_piece_of_work_runs_at_a_time():
 def test_of_an_animal_the_last_answer_holds_while_a_tick_runs(session):
     session.step(2)
     asked = ExplanationCache(session.simulation)
-    known, other = session.moment.ids[:2].tolist()
+    known, other = session._after.ids[:2].tolist()
     told = asked.of(known)
     asked.held = True
     assert asked.of(known) is told is not None and asked.of(other) is None
@@ -213,7 +213,7 @@ def test_of_an_animal_the_last_answer_holds_while_a_tick_runs(session):
 
 def test_the_window_draws_while_a_tick_takes_long(level, monkeypatch):
     window = Window(level, (640, 480))
-    window.selected = int(window.session.moment.ids[0])
+    window.selected = int(window.session._after.ids[0])
     window.frames(4)
     gate = Gate(window.session, monkeypatch)
     tick = window.session.tick
