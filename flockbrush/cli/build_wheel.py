@@ -19,6 +19,7 @@ from pathlib import Path
 import typer
 
 import flockbrush
+from flockbrush.cli.shared_options import wrong
 from flockbrush.engine import shipped_kernels
 from flockbrush.engine.files import whole
 from flockbrush.engine.shipped_kernels import CPUS, FOLDER, TABLE
@@ -70,7 +71,7 @@ def _check(house, levels, cpus):
             message = (
                 f"kernels can be compiled for {', '.join(CPUS)} on x86_64, got {cpu!r} on {shipped_kernels.machine()}"
             )
-            raise typer.BadParameter(message, param_hint="--cpu")
+            raise wrong("--cpu", message)
 
 
 def _plain_wheel(house, work):

@@ -23,6 +23,7 @@ from flockbrush.systems.landscape import Landscape
 if TYPE_CHECKING:
     from flockbrush.cli.edit_options import EditJob
 
+KINDS = "--delete, --move, --turn, --retime, --freeze, --delay or --look"
 LOOKS = ("brush", "species", "size")
 
 
@@ -64,15 +65,9 @@ def _kind(job):
     kinds = [kind for kind, is_requested in requested.items() if is_requested]
     others = [job.undo, job.redo, job.on is not None, job.off is not None, job.remove_layer is not None]
     if len(kinds) + sum(others) > 1:
-        raise refused(
-            job.recording,
-            "only one edit at a time: give one of --delete, --move, --turn, --retime, --freeze, --delay or --look",
-        )
+        raise refused(job.recording, f"only one edit at a time: give one of {KINDS}")
     if not kinds and _selection(job):
-        raise refused(
-            job.recording,
-            "no edit for the selected animals: add --delete, --move, --turn, --retime, --freeze, --delay or --look",
-        )
+        raise refused(job.recording, f"no edit for the selected animals: add {KINDS}")
     return kinds[0] if kinds else None
 
 
@@ -130,7 +125,8 @@ def _edit(job, kind, run, file) -> Edit:
     for name in ("brush", "species"):
         if looks.get(name, "") not in ("", *words[name]):
             raise refused("--look", f"there is no {name} {looks[name]!r} in this run; it has {', '.join(words[name])}")
-    return replace(edit, **_values(job, kind), **looks)
+    values = {"retime": {"speed": job.retime}, "delay": {"seconds": job.delay}}.get(kind, {})
+    return replace(edit, **values, **looks)
 
 
 def _check_uses(job, kind):
@@ -147,10 +143,6 @@ def _check_uses(job, kind):
         raise refused("--until", f"must be later than --from {job.start:g}, got {job.end:g}")
 
 
-def _values(job, kind):
-    return {"retime": {"speed": job.retime}, "delay": {"seconds": job.delay}}.get(kind, {})
-
-
 def _looks(job):
     """{"brush", "species" or "size": value} of --look."""
     values: dict = {}
@@ -159,19 +151,15 @@ def _looks(job):
         if name not in LOOKS or not mark:
             raise refused("--look", f"must be brush=NAME, species=NAME or size=FACTOR, got {text!r}")
         if name == "size":
-            values[name] = _number(value)
+            try:
+                values[name] = float(value)
+            except ValueError:
+                values[name] = np.nan
             if not 0.01 <= values[name] <= 100:
                 raise refused("--look size", f"must be a number from 0.01 to 100, got {value!r}")
         else:
             values[name] = value
     return values
-
-
-def _number(text):
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
 
 
 def _numbers(option, text, counts):
@@ -180,10 +168,8 @@ def _numbers(option, text, counts):
     except ValueError:
         numbers = []
     if len(numbers) not in counts or not all(np.isfinite(numbers)) or max(map(abs, numbers)) > 1e6:
-        raise refused(
-            option,
-            f"must be {' or '.join(map(str, counts))} numbers from -1e6 to 1e6, separated by commas, got {text!r}",
-        )
+        many = " or ".join(map(str, counts))
+        raise refused(option, f"must be {many} numbers from -1e6 to 1e6, separated by commas, got {text!r}")
     return numbers
 
 
@@ -211,19 +197,11 @@ def _managed(job, file: EditFile):
 
 
 def _report(job, file):
-    layers = [
-        {
-            "name": layer.name,
-            "on": layer.on,
-            "edits": [{**vars(e), "ids": ids_text(e.ids), "end": _end(e)} for e in layer.edits],
-        }
-        for layer in file.layers
-    ]
+    layers = []
+    for layer in file.layers:
+        edits = [vars(e) | {"ids": ids_text(e.ids), "end": None if e.end == ALWAYS else e.end} for e in layer.edits]
+        layers.append({"name": layer.name, "on": layer.on, "edits": edits})
     return {"recording": str(job.recording), "file": str(file.path), "layers": layers, "undone": len(file.undone)}
-
-
-def _end(edit):
-    return None if edit.end == ALWAYS else edit.end
 
 
 def _show(file):

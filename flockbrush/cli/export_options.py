@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 from typer.core import TyperCommand
 
+from flockbrush.cli.shared_options import wrong
+
 _CHOSEN = "flockbrush.exports"  # key of the values in the context
 
 
@@ -102,9 +104,7 @@ def chosen(context, paths) -> dict:
         if value is None or value is False or value in ((), []):
             continue
         if option.name not in known and all(map(exporter_of, paths or ())):
-            raise typer.BadParameter(
-                f"applies to {', '.join(endings)} only, and no such file is written", param_hint=_flag(option)
-            )
+            raise wrong(_flag(option), f"applies to {', '.join(endings)} only, and no such file is written")
         switch = isinstance(option.default, bool)
         options[option.name] = not option.default if switch else getattr(value, "value", value)
     return options

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from flockbrush.cli.shared_options import Json, argument, grouped, option
+from flockbrush.cli.shared_options import Json, argument, grouped, option, wrong
 
 LiftMethod = enum.Enum("LiftMethod", {"smooth": "smooth", "cobyla": "cobyla"}, type=str)  # of finding depths
 
@@ -81,6 +79,6 @@ def lift(
 
     for name in ("frame", "wingspan"):
         if formation.brush is None and getattr(formation, name) is not None:
-            raise typer.BadParameter("is only for a formation brush: add --brush FILE", param_hint=f"--{name}")
+            raise wrong(f"--{name}", "is only for a formation brush: add --brush FILE")
     brush_options = (formation.brush, formation.frame, formation.wingspan) if formation.brush is not None else None
     lift_tracks(tracks, camera, out, method.value, near, far, json, brush_options, **vars(weights))

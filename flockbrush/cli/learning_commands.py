@@ -8,8 +8,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from flockbrush.cli.shared_options import (
     Json,
     TrackFps,
@@ -20,6 +18,7 @@ from flockbrush.cli.shared_options import (
     grouped,
     option,
     unit_of,
+    wrong,
 )
 from flockbrush.film.looking import LENGTHS_PX, Looking
 
@@ -150,8 +149,7 @@ def frames_of(text: str | None) -> tuple[int, int] | None:
         return None
     match = re.fullmatch(r"(\d+):(\d+)", text.strip())
     if not match or int(match[1]) > int(match[2]):
-        raise typer.BadParameter(f"frames must be FIRST:LAST with FIRST <= LAST, such as 0:99; got {text!r}",
-                                 param_hint="--frames")  # fmt: skip
+        raise wrong("--frames", f"frames must be FIRST:LAST with FIRST <= LAST, such as 0:99; got {text!r}")
     return int(match[1]), int(match[2])
 
 
@@ -164,7 +162,7 @@ def arena_of(text: str | None):
     try:
         return Arena.read(text)
     except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="--arena") from None
+        raise wrong("--arena", str(error)) from None
 
 
 def landmark_of(text: str) -> tuple[int, tuple[float, float, float, float]]:
@@ -172,9 +170,7 @@ def landmark_of(text: str) -> tuple[int, tuple[float, float, float, float]]:
     number = r"\s*(\d+(?:\.\d*)?)\s*"
     match = re.fullmatch(rf"\s*(\d+)\s*:{number},{number},{number},{number}", text)
     if not match or not (float(match[4]) > 0 and float(match[5]) > 0):
-        raise typer.BadParameter(
-            f"a landmark must be FRAME:x,y,w,h in pixels, such as 0:120,80,60,60; got {text!r}", param_hint="--landmark"
-        )
+        raise wrong("--landmark", f"a landmark must be FRAME:x,y,w,h in pixels, such as 0:120,80,60,60; got {text!r}")
     return int(match[1]), (float(match[2]), float(match[3]), float(match[4]), float(match[5]))
 
 
@@ -182,9 +178,8 @@ def landmarks_of(texts: list[str] | None) -> tuple:
     """The parsed landmarks; typer.BadParameter if there is only one."""
     if texts is not None and len(texts) == 1:
         landmark_of(texts[0])
-        raise typer.BadParameter(
-            "at least two landmarks are needed: rectangles around things that do not move, in two frames",
-            param_hint="--landmark",
+        raise wrong(
+            "--landmark", "at least two landmarks are needed: rectangles around things that do not move, in two frames"
         )
     return tuple(landmark_of(text) for text in texts or ())
 
@@ -195,9 +190,7 @@ def colour_of(text: str) -> str | tuple[int, int, int]:
         return "auto"
     parts = text.split(",")
     if len(parts) != 3 or not all(re.fullmatch(r"\s*\d{1,3}\s*", p) and int(p) <= 255 for p in parts):
-        raise typer.BadParameter(
-            f"must be R,G,B from 0 to 255, such as 240,240,235, or auto; got {text!r}", param_hint="--body-colour"
-        )
+        raise wrong("--body-colour", f"must be R,G,B from 0 to 255, such as 240,240,235, or auto; got {text!r}")
     red, green, blue = (int(part) for part in parts)
     return red, green, blue
 
@@ -211,7 +204,7 @@ def parts_of(text: str | None) -> tuple[str, ...]:
         if part not in PARTS:
             from flockbrush.engine.problems import did_you_mean
 
-            raise typer.BadParameter(f"unknown part {part!r}{did_you_mean(part, PARTS)}", param_hint="--ablate")
+            raise wrong("--ablate", f"unknown part {part!r}{did_you_mean(part, PARTS)}")
     return tuple(dict.fromkeys(names))
 
 
@@ -249,7 +242,7 @@ def learn(
     """
     how, without, (jobs, workers) = look.read(), parts_of(fit.ablate), work.read()
     if not re.fullmatch(r"auto|cpu|cuda(:\d+)?", fit.device):
-        raise typer.BadParameter(f"it is auto, cpu, cuda or cuda:0; got {fit.device!r}", param_hint="--device")
+        raise wrong("--device", f"it is auto, cpu, cuda or cuda:0; got {fit.device!r}")
     options = {"--out": out, **look.words(), **fit.words(), "--seed": fit.seed, "--resume": None, "--report": report}
     from flockbrush.learning.helpers import Helpers
 

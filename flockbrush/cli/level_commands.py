@@ -12,6 +12,7 @@ import typer
 
 from flockbrush.cli.program_cli import submit_events
 from flockbrush.cli.run_options import RunRequest
+from flockbrush.cli.shared_options import wrong
 from flockbrush.cli.show_desync import show_desync
 from flockbrush.engine import limits
 from flockbrush.engine.commands import CommandError
@@ -96,10 +97,10 @@ def ticks_of(job, dt):
         ticks, hint = job.ticks, "--ticks"
     else:
         if not math.isfinite(job.seconds):
-            raise typer.BadParameter(f"must be a finite number of seconds, got {job.seconds}", param_hint="--seconds")
+            raise wrong("--seconds", f"must be a finite number of seconds, got {job.seconds}")
         ticks, hint = job.seconds / dt, "--seconds"
     if ticks > limits.TICKS:
-        raise typer.BadParameter(f"too long: a run can have at most {limits.TICKS:,} ticks", param_hint=hint)
+        raise wrong(hint, f"too long: a run can have at most {limits.TICKS:,} ticks")
     return round(ticks)
 
 
@@ -306,7 +307,7 @@ def render_level(name, output, seconds, seed, agents, theme, palette):
 def check_png(output, inputs=()):
     """Raise an error if a PNG cannot be written to this path."""
     if Path(output).suffix.lower() != ".png":
-        raise typer.BadParameter(f"the name of a picture must end in .png, got {str(output)!r}", param_hint="-o")
+        raise wrong("-o", f"the name of a picture must end in .png, got {str(output)!r}")
     check_exports([output], inputs)
 
 
@@ -317,9 +318,7 @@ def check_plot(plot, inputs):
 
     if Path(plot).suffix.lower() not in FORMATS:
         endings = ", ".join(FORMATS)
-        raise typer.BadParameter(
-            f"the name of a chart must end in one of {endings}; got {str(plot)!r}", param_hint="--plot"
-        )
+        raise wrong("--plot", f"the name of a chart must end in one of {endings}; got {str(plot)!r}")
     problems = drawing_problems(plot) or output_problems([plot], inputs)
     if problems:
         raise ProblemsError(problems)

@@ -43,6 +43,7 @@ from flockbrush.cli.shared_options import (
     grouped,
     option,
     refuse_unused,
+    wrong,
 )
 from flockbrush.cli.study_options import is_tracks, measure, sweep
 from flockbrush.engine.plain_text import plain
@@ -97,9 +98,7 @@ def demo(
     from flockbrush.cli.level_commands import run_level
 
     if out.suffix.lower() != ".mp4":
-        raise typer.BadParameter(
-            f"the demo is a video: its name must end in .mp4, got {str(out)!r}", param_hint="--out"
-        )
+        raise wrong("--out", f"the demo is a video: its name must end in .mp4, got {str(out)!r}")
     request = RunRequest("sheep-pasture", seconds=seconds, record=record, export=[out], threads=threads)
     run_level(request, {"theme": theme.value, "palette": palette.value})
 
@@ -142,13 +141,13 @@ def run(context: typer.Context, request: RunRequest):
     from flockbrush.cli.level_commands import run_level
 
     if request.ticks is not None and request.seconds is not None:
-        raise typer.BadParameter("give --ticks or --seconds, not both", param_hint="--ticks")
+        raise wrong("--ticks", "give --ticks or --seconds, not both")
     if request.report is not None and request.synctest is None:
-        raise typer.BadParameter("can only be used with --synctest", param_hint="--report")
+        raise wrong("--report", "can only be used with --synctest")
     if request.fps is not None and not request.export:
-        raise typer.BadParameter("can only be used with --export", param_hint="--fps")
+        raise wrong("--fps", "can only be used with --export")
     if request.keyframes is not None and request.record is None:
-        raise typer.BadParameter("can only be used with --record", param_hint="--keyframes")
+        raise wrong("--keyframes", "can only be used with --record")
     if request.seconds is None and request.ticks is None:
         request.seconds = RUN_SECONDS
     run_level(request, chosen(context, request.export))
@@ -185,7 +184,7 @@ def replay(
     from flockbrush.cli.replay_commands import replay_recording
 
     if report is not None and not verify:
-        raise typer.BadParameter("can only be used with --verify", param_hint="--report")
+        raise wrong("--report", "can only be used with --verify")
     replay_recording(recording, verify, to_tick, threads, json, report)
 
 

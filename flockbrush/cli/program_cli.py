@@ -13,6 +13,7 @@ from flockbrush.behaviours.brush import can_move
 from flockbrush.behaviours.program import SUFFIX, known_brushes, load_program, shipped_programs
 from flockbrush.behaviours.program_writer import shares, toml, trigger_table
 from flockbrush.behaviours.trigger import ANYONE, KIN, OTHERS
+from flockbrush.cli.shared_options import wrong
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from flockbrush.levels.build import build
@@ -260,10 +261,10 @@ def read_intruder(text, library):
         return None
     species, _, brush = text.partition(":")
     if not species or not brush:
-        raise typer.BadParameter(f"must be SPECIES:BRUSH such as wolf:wolf-hunt, got {text!r}", param_hint="--intruder")
+        raise wrong("--intruder", f"must be SPECIES:BRUSH such as wolf:wolf-hunt, got {text!r}")
     if brush not in library.names():
         hint = did_you_mean(brush, library.names())
-        raise typer.BadParameter(f"there is no brush {brush!r}{hint}", param_hint="--intruder")
+        raise wrong("--intruder", f"there is no brush {brush!r}{hint}")
     return known_species(species, library, "--intruder"), brush
 
 
@@ -271,7 +272,7 @@ def known_species(name, library, option):
     """The name of a species that there is; typer.BadParameter that names the option."""
     names = library.species.names()
     if name not in names:
-        raise typer.BadParameter(f"there is no species {name!r}{did_you_mean(name, names)}", param_hint=option)
+        raise wrong(option, f"there is no species {name!r}{did_you_mean(name, names)}")
     return name
 
 
@@ -283,16 +284,16 @@ _EVENT = re.compile(r"(?P<at>[^:]+):(?P<name>[^@]+)(?:@(?P<place>.+))?")
 def read_event(text):
     """(seconds, `Event`) of "2.5:alarm", or of "2.5:alarm@120,80,15" for those within 15 m of (120, 80)."""
     match = _EVENT.fullmatch(text)
-    wrong = f"must be SECONDS:NAME or SECONDS:NAME@X,Y,RADIUS such as 2.5:alarm, got {text!r}"
+    error = wrong("--event", f"must be SECONDS:NAME or SECONDS:NAME@X,Y,RADIUS such as 2.5:alarm, got {text!r}")
     if match is None:
-        raise typer.BadParameter(wrong, param_hint="--event")
+        raise error
     try:
         at = float(match["at"])
         place = [float(word) for word in match["place"].split(",")] if match["place"] else [0.0, 0.0, 0.0]
     except ValueError:
-        raise typer.BadParameter(wrong, param_hint="--event") from None
+        raise error from None
     if len(place) != 3 or not all(map(math.isfinite, (at, *place))) or at < 0 or place[2] < 0 or at > 1e7:
-        raise typer.BadParameter(wrong, param_hint="--event")
+        raise error
     return at, Event(match["name"].strip(), *place)
 
 
@@ -306,8 +307,8 @@ def submit_events(simulation, texts, ticks=None):
         try:
             event.check(simulation.world)
         except ValueError as error:
-            raise typer.BadParameter(str(error), param_hint="--event") from None
+            raise wrong("--event", str(error)) from None
         end = math.inf if ticks is None else ticks * simulation.clock.dt
         if at >= end:
-            raise typer.BadParameter(f"{text}: the run ends at {end:g} s, before this event", param_hint="--event")
+            raise wrong("--event", f"{text}: the run ends at {end:g} s, before this event")
         simulation.submit(event, math.ceil(at / simulation.clock.dt - 1e-9))

@@ -6,10 +6,9 @@ import ipaddress
 import sys
 import warnings
 
-import typer
-
 from flockbrush.cli.level_commands import recorder_of, use_threads, wrote_recording
 from flockbrush.cli.run_options import ServeOptions
+from flockbrush.cli.shared_options import wrong
 from flockbrush.engine import limits
 from flockbrush.engine.files import output_problems
 from flockbrush.engine.problems import ProblemsError
@@ -25,7 +24,7 @@ from flockbrush.runs.terminal import print_json, print_line, say
 def serve_level(service: ServeOptions):
     """Run a level for clients until Ctrl-C, or for the given seconds."""
     if service.seconds is not None and not service.seconds <= limits.TICKS / 32:
-        raise typer.BadParameter(f"must be a finite number of seconds, got {service.seconds}", param_hint="--seconds")
+        raise wrong("--seconds", f"must be a finite number of seconds, got {service.seconds}")
     problems = output_problems([service.record] if service.record else [], [running.find_level(service.level)])
     if problems:
         raise ProblemsError(problems)

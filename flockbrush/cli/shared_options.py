@@ -27,6 +27,11 @@ def option(*words: str, **more):
     return typer.Option(*names, metavar=metavar[0] if metavar else None, help=text, **more)
 
 
+def wrong(name: str, message: str) -> typer.BadParameter:
+    """The error that a value of an option is wrong."""
+    return typer.BadParameter(message, param_hint=name)
+
+
 def argument(metavar: str, text: str):
     """A typer argument with what the help calls it and says of it."""
     return typer.Argument(metavar=metavar, help=text)
@@ -111,13 +116,13 @@ def given_options(options, *used: str) -> list[str]:
 def refuse_unused(what: str, *unused: list[str]) -> None:
     """Refuse options that would be ignored; typer.BadParameter."""
     for name in itertools.chain(*unused):
-        raise typer.BadParameter(f"does not apply to {what}", param_hint=f"--{name.replace('_', '-')}")
+        raise wrong(f"--{name.replace('_', '-')}", f"does not apply to {what}")
 
 
 def unit_of(text: str | None) -> str | None:
     """The unit of tracks; typer.BadParameter for anything but m, px and bl."""
     if text not in (None, "m", "px", "bl"):
-        raise typer.BadParameter(f"must be m, px or bl, got {text!r}", param_hint="--unit")
+        raise wrong("--unit", f"must be m, px or bl, got {text!r}")
     return text
 
 
@@ -140,11 +145,9 @@ class WorkOptions:
 
         tls = Tls(self.tls_ca, self.tls_cert, self.tls_key)
         if self.jobs is not None and self.cluster is not None:
-            raise typer.BadParameter("give --jobs or --cluster, not both", param_hint="--jobs")
+            raise wrong("--jobs", "give --jobs or --cluster, not both")
         if self.cluster is None and tls != Tls():
-            raise typer.BadParameter(
-                "certificates can only be used with --cluster tls://HOST:PORT", param_hint="--tls-ca"
-            )
+            raise wrong("--tls-ca", "certificates can only be used with --cluster tls://HOST:PORT")
         return self.jobs or cores(), None if self.cluster is None else (self.cluster, tls)
 
 

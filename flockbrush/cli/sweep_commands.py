@@ -42,13 +42,9 @@ def run_sweep(path, out, jobs, workers, resume, json_wanted, theme):
         except Stopped:
             say(f"stopped; finished runs are in {out}; continue with --resume")
             raise
-        except ClusterGone:
-            raise refused(
-                name, f"cannot be reached any more; finished runs are in {out}; continue with --resume"
-            ) from None
-        except MixedCode as error:
-            message = error.problems[0].message
-            raise refused(name, f"{message}; finished runs are in {out}; continue with --resume") from None
+        except (ClusterGone, MixedCode) as error:
+            why = error.problems[0].message if isinstance(error, MixedCode) else "cannot be reached any more"
+            raise refused(name, f"{why}; finished runs are in {out}; continue with --resume") from None
     summary = report.summarise(sweep, journal, time.perf_counter() - begin, width)
     summary["files"] = [str(file) for file in report.write_files(sweep, journal, summary, out, theme)]
     for problem in drawing_problems(out):
