@@ -207,7 +207,8 @@ class LiftWindow(FramesWindow):
         if len(way) < 2:
             return
         colour = mix(self.theme.ink, self.theme.paper, 0.25)
-        for begin, end, alpha in _thirds(len(way)):
+        edges = np.linspace(0, len(way) - 1, 4).round().astype(int)
+        for begin, end, alpha in zip(edges[:-1], edges[1:] + 1, (0.15, 0.35, 0.6), strict=True):
             part = way[begin:end]
             canvas.segments(self.painter.camera.lines(part[:-1], part[1:]), 1.2 * self.scale, colour, alpha)
 
@@ -218,7 +219,9 @@ class LiftWindow(FramesWindow):
         home = np.zeros((1, 3))
         canvas.segments(self.painter.camera.lines(np.repeat(home, 4, 0), corners), 1.3 * self.scale, ink, 0.6)
         canvas.segments(self.painter.camera.lines(corners, np.roll(corners, -1, 0)), 1.6 * self.scale, ink, 0.9)
-        self._fill(canvas, corners, soft)
+        places, depth = self.painter.camera.project(corners)
+        if (depth > self.painter.camera.nearest).all() and (np.abs(places) < 1e4).all():
+            canvas.area(places, soft, 0.12)
         row = None if self.bird is None else self.show.row(self.bird)
         rows = self.show.there(self.k)
         if row is not None and row in rows:
@@ -234,10 +237,6 @@ class LiftWindow(FramesWindow):
             canvas.disc(at[0], 5 * self.scale, self.theme.paper)
             canvas.disc(at[0], 3.6 * self.scale, ink)
 
-    def _fill(self, canvas, corners, colour):
-        places, depth = self.painter.camera.project(corners)
-        if (depth > self.painter.camera.nearest).all() and (np.abs(places) < 1e4).all():
-            canvas.area(places, colour, 0.12)
 
     # what a person does ---------------------------------------------------------------------
 
@@ -468,9 +467,3 @@ class LiftWindow(FramesWindow):
         level = self.show.formation_level(k, path)
         options = StartOptions(str(level), level.stem, theme=self.theme.name)
         self.open_over(opening_of(options, self.screen.get_size()))
-
-
-def _thirds(count):
-    """(begin, end, alpha) of parts of a way, the older the fainter."""
-    edges = np.linspace(0, count - 1, 4).round().astype(int)
-    return [(edges[n], edges[n + 1] + 1, alpha) for n, alpha in enumerate((0.15, 0.35, 0.6))]

@@ -13,12 +13,12 @@ import contextlib
 import os
 import re
 import shutil
-import sys
 import time
 from pathlib import Path
 
-from flockbrush.engine.files import clear_leftovers, home
+from flockbrush.engine.files import clear_leftovers
 from flockbrush.engine.locks import abandoned, is_held, is_marked
+from flockbrush.studio.settings import user_folder
 
 NOTE, LOCK = "session.json", "lock"
 RECORDED = "recorded"  # the files of a recording that is open, unpacked; a session owns all that is in it
@@ -32,35 +32,29 @@ _NAME = re.compile(r".+-\d+-\d+")
 def state_folder() -> Path:
     """The folder for the sessions of this user, as the operating system wishes it; it need not be there yet."""
     own = os.environ.get("FLOCKBRUSH_STATE")
-    if own:
-        base = Path(own)
-    elif sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or home())
-    elif sys.platform == "darwin":
-        base = home() / "Library" / "Application Support"
-    else:
-        base = Path(os.environ.get("XDG_STATE_HOME") or home() / ".local" / "state")
-    return base / "flockbrush" / "sessions"
+    base = Path(own) / "flockbrush" if own else user_folder("LOCALAPPDATA", "XDG_STATE_HOME", ".local/state")
+    return base / "sessions"
 
 
 def early_sessions() -> list[Path]:
     """Folders of sessions of an early version, which lie in $FLOCKBRUSH_STATE itself and are not looked at there."""
     own = os.environ.get("FLOCKBRUSH_STATE")
     try:
-        folders = (
-            sorted(Path(entry.path) for entry in os.scandir(own) if entry.is_dir(follow_symlinks=False)) if own else []
-        )
+        folders = _folders_in(own) if own else []
     except OSError:
         return []
     return [folder for folder in folders if _NAME.fullmatch(folder.name) and (folder / NOTE).is_file()]
+
+
+def _folders_in(root):
+    return sorted(Path(entry.path) for entry in os.scandir(root) if entry.is_dir(follow_symlinks=False))
 
 
 def session_folders(root):
     """Folders whose name is that of a session, and in which no session runs; OSError when they cannot be listed."""
     if not Path(root).is_dir():
         return []
-    folders = sorted(Path(entry.path) for entry in os.scandir(root) if entry.is_dir(follow_symlinks=False))
-    return [folder for folder in folders if _NAME.fullmatch(folder.name) and not is_held(folder / LOCK)]
+    return [folder for folder in _folders_in(root) if _NAME.fullmatch(folder.name) and not is_held(folder / LOCK)]
 
 
 def is_ours(folder) -> bool:

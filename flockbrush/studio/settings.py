@@ -62,13 +62,24 @@ def settings_path() -> Path:
 def config_folder() -> Path:
     """The folder for settings of this user, as the operating system wishes it; it need not be there yet."""
     own = os.environ.get("FLOCKBRUSH_CONFIG")
-    if own:
-        return Path(own)
+    return Path(own) if own else user_folder("APPDATA", "XDG_CONFIG_HOME", ".config")
+
+
+def user_folder(windows, xdg, usual) -> Path:
+    """The folder of Flockbrush where the operating system has a user's files of a kind.
+
+    Parameters
+    ----------
+    windows, xdg : str
+        Environment variables of Windows, and of Linux where ``usual`` in the home folder is the default.
+    """
     if sys.platform == "win32":
-        return Path(os.environ.get("APPDATA") or home()) / "flockbrush"
-    if sys.platform == "darwin":
-        return home() / "Library" / "Application Support" / "flockbrush"
-    return Path(os.environ.get("XDG_CONFIG_HOME") or home() / ".config") / "flockbrush"
+        base = Path(os.environ.get(windows) or home())
+    elif sys.platform == "darwin":
+        base = home() / "Library" / "Application Support"
+    else:
+        base = Path(os.environ.get(xdg) or home() / usual)
+    return base / "flockbrush"
 
 
 def load_settings(path=None) -> tuple[Settings, str]:

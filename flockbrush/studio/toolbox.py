@@ -129,11 +129,8 @@ class Toolbox:
         if event.type == pygame_gui.UI_DROP_DOWN_MENU_CHANGED and event.ui_element in self.menus:
             app.set_option(self.menus[event.ui_element], event.selected_option_id)
             return True
-        if event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED:
-            for slider in self.sliders.values():
-                if event.ui_element is slider.slider:
-                    slider.moved(event)
-                    return True
+        if any(slider.heard(event) for slider in self.sliders.values()):
+            return True
         return self.palette is not None and self.palette.handle(event)
 
     def update(self):

@@ -9,6 +9,7 @@ from itertools import zip_longest
 from typing import NamedTuple
 
 import pygame
+import pygame_gui
 from pygame_gui.elements import UIButton, UIDropDownMenu, UIHorizontalSlider, UILabel, UIScrollingContainer
 
 from flockbrush.studio.icons import icon
@@ -206,9 +207,12 @@ class Slider:
                 self.slider.set_current_value(self.scale.way(value))
                 self.slider.has_moved_recently = False
 
-    def moved(self, event):
-        """Take the value of an event of this slider."""
-        value = self.scale.value(event.value)
-        self._set = self.scale.show(value)
-        self.value.say(self._set)
-        self.changed(value)
+    def heard(self, event) -> bool:
+        """Take the value of an event, if it is one of this slider."""
+        own = event.type == pygame_gui.UI_HORIZONTAL_SLIDER_MOVED and event.ui_element is self.slider
+        if own:
+            value = self.scale.value(event.value)
+            self._set = self.scale.show(value)
+            self.value.say(self._set)
+            self.changed(value)
+        return own

@@ -6,16 +6,14 @@ import numpy as np
 import pygame
 
 from flockbrush.film.bird_marks import Follower
-from flockbrush.render.style import PALETTE, rgb
 from flockbrush.render.text import words as written
-from flockbrush.studio.film.mode import Mode
+from flockbrush.studio.film.mode import COLOURS, Mode
 from flockbrush.studio.theme import chrome, px
 from flockbrush.studio.widgets import enabled
 
 GRAB = 13  # pixels of the screen around a bird that belong to it
 RING = 9  # pixels of the screen, where there is room
 TAILS = (0.0, 120.0)  # frames
-COLOURS = tuple(rgb(colour) for colour in PALETTE)
 
 
 class BirdsMode(Mode):

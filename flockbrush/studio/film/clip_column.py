@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 import pygame
-from pygame_gui import UI_BUTTON_PRESSED, UI_HORIZONTAL_SLIDER_MOVED
+from pygame_gui import UI_BUTTON_PRESSED
 from pygame_gui.elements import UIButton, UIPanel, UITextBox
 
 from flockbrush.studio.theme import chrome, font, px
@@ -40,6 +40,12 @@ class ClipColumn:
         self.y = place.bottom + px(self.app.scale, gap)
         return place
 
+    def _places(self, count, tall, gap):
+        """So many places beside each other in one row."""
+        row, gap = self._row(tall), px(self.app.scale, gap)
+        wide = (row.width - gap * (count - 1)) // count
+        return [pygame.Rect(row.x + k * (wide + gap), row.y, wide, row.height) for k in range(count)]
+
     def title(self, text):
         """The name of the mode."""
         return words(self.app, self._row(24), text, self.back, "@title")
@@ -72,12 +78,8 @@ class ClipColumn:
 
     def pair(self, *pairs):
         """Buttons beside each other: (text, what it does, tip)."""
-        row = self._row(28)
-        gap = px(self.app.scale, 5)
-        wide = (row.width - gap * (len(pairs) - 1)) // len(pairs)
         buttons = []
-        for k, (text, do, tip) in enumerate(pairs):
-            place = pygame.Rect(row.x + k * (wide + gap), row.y, wide, row.height)
+        for place, (text, do, tip) in zip(self._places(len(pairs), 28, 5), pairs, strict=True):
             buttons.append(
                 UIButton(place, text, self.app.manager, self.back, tool_tip_text=tip, object_id="@small_button")
             )
@@ -86,17 +88,13 @@ class ClipColumn:
 
     def swatches(self, colours, do):
         """Small coloured buttons in one row; `do` is given the number of the colour, from 1."""
-        row = self._row(26)
-        gap = px(self.app.scale, 3)
-        wide = (row.width - gap * (len(colours) - 1)) // len(colours)
         buttons = []
-        for k, colour in enumerate(colours):
-            place = pygame.Rect(row.x + k * (wide + gap), row.y, wide, row.height)
-            side = max(4, min(wide, row.height) - px(self.app.scale, 8))
+        for k, (place, colour) in enumerate(zip(self._places(len(colours), 26, 3), colours, strict=True), 1):
+            side = max(4, min(place.size) - px(self.app.scale, 8))
             chip = pygame.Surface((side, side), pygame.SRCALPHA)
             pygame.draw.rect(chip, colour, chip.get_rect(), border_radius=px(self.app.scale, 3))
             buttons.append(PictureButton(place, "", self.app.manager, self.back, object_id="@tool", pictures=[chip]))
-            self.buttons[buttons[-1]] = lambda k=k: do(k + 1)
+            self.buttons[buttons[-1]] = lambda k=k: do(k)
         return buttons
 
     def slider(self, name, value, low, high, show, changed, power=False, tip=None):
@@ -117,12 +115,7 @@ class ClipColumn:
         if event.type == UI_BUTTON_PRESSED and event.ui_element in self.buttons:
             self.buttons[event.ui_element]()
             return True
-        if event.type == UI_HORIZONTAL_SLIDER_MOVED:
-            for slider in self.sliders:
-                if event.ui_element is slider.slider:
-                    slider.moved(event)
-                    return True
-        return False
+        return any(slider.heard(event) for slider in self.sliders)
 
     def close(self):
         """Take it away with all that is in it."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from flockbrush.render.style import PALETTE, rgb
 from flockbrush.studio.film.clip_column import ClipColumn
 from flockbrush.studio.theme import px
 
+COLOURS = tuple(rgb(colour) for colour in PALETTE)  # of birds and their paths
 STILL = 4  # pixels of the screen: a shorter way of the mouse is a click
 
 

@@ -7,14 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from flockbrush.film.flight_sketch import FlightSketch, Path
-from flockbrush.render.style import PALETTE, rgb
-from flockbrush.studio.film.mode import Mode
+from flockbrush.studio.film.mode import COLOURS, Mode
 from flockbrush.studio.theme import px
 from flockbrush.studio.widgets import chosen, enabled
 
 GRAB = 10  # pixels of the screen around a path that belong to it
 LENGTHS = (20.0, 2000.0)  # frames of a flight before an empty sky
-COLOURS = tuple(rgb(colour) for colour in PALETTE)
 
 
 class SketchMode(Mode):
