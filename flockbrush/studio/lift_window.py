@@ -237,7 +237,6 @@ class LiftWindow(FramesWindow):
             canvas.disc(at[0], 5 * self.scale, self.theme.paper)
             canvas.disc(at[0], 3.6 * self.scale, ink)
 
-
     # what a person does ---------------------------------------------------------------------
 
     @property
