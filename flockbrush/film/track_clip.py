@@ -130,10 +130,10 @@ def _steps(film, tracker, times):
 
 def table_of(tracks: Tracks) -> str:
     """Tracks as a table with ``frame,id,x,y``, and with ``time``, s, where that is known."""
-    timed = tracks.times is not None and np.isfinite(tracks.times).any()
-    rows = ["frame,id,x,y" + (",time" if timed else "")]
+    times = tracks.times if tracks.times is not None and np.isfinite(tracks.times).any() else None
+    rows = ["frame,id,x,y" + (",time" if times is not None else "")]
     for f in range(len(tracks.px)):
-        when = f",{tracks.times[f]:.6f}" if timed else ""
+        when = "" if times is None else f",{times[f]:.6f}"
         for n in np.flatnonzero(tracks.seen[f]):
             x, y = tracks.px[f, n]
             rows.append(f"{tracks.first + f},{tracks.ids[n]},{x:.3f},{y:.3f}{when}")
