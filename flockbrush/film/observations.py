@@ -352,12 +352,17 @@ class Evidence:
         by = self.clip_body_px / pixels
         if by == 1.0:
             return self
-        parts = {name: getattr(self, name) for name in ("fields", "sightings", "speed", "smoothing")}
         return replace(
-            self, **{name: None if part is None else part.scaled(by) for name, part in parts.items()},
-            body_length_px=self.body_length_px / by, place_noise=self.place_noise * by,
-            to_pixels=_for_lengths(self.to_pixels, by), to_file=_for_lengths(self.to_file, by),
-        )  # fmt: skip
+            self,
+            body_length_px=self.body_length_px / by,
+            place_noise=self.place_noise * by,
+            fields=self.fields.scaled(by),
+            sightings=None if self.sightings is None else self.sightings.scaled(by),
+            speed=None if self.speed is None else self.speed.scaled(by),
+            smoothing=None if self.smoothing is None else self.smoothing.scaled(by),
+            to_pixels=_for_lengths(self.to_pixels, by),
+            to_file=_for_lengths(self.to_file, by),
+        )
 
     def save(self, path):
         """Write everything as one npz.

@@ -13,7 +13,6 @@ from flockbrush.behaviours.brush import shipped
 from flockbrush.render.brush_marks import swatch
 from flockbrush.render.style import mix, rgb
 from flockbrush.studio import thumbnails
-from flockbrush.studio.needed import library_of
 from flockbrush.studio.theme import chrome, font, px
 from flockbrush.studio.widgets import PictureButton, Shelf, fitted, marked
 
@@ -199,7 +198,7 @@ class Thumbnails:
             return pygame.Surface(size, pygame.SRCALPHA), True
         own = theme.palette == "own"
         colour = None if own else self.app.colour_of(name)
-        library = library_of(self.app.session)
+        library = self.app.session.library
         if (library, brush.source) not in self._bodies:
             self._bodies[library, brush.source] = thumbnails.body_of(brush, library.species)
         body = self._bodies[library, brush.source]

@@ -21,12 +21,14 @@ def needed(session, command):
     brush, program = getattr(command, "brush", ""), getattr(command, "program", "")
     commands = brush_needed(session, brush) if brush else []
     if program and program not in session.simulation.world.resource(Programs).names:
-        folders = program_folders(session.path) if session.path else []
-        library = ProgramLibrary(
-            [*folders, *shipped_programs().folders]
-        )  # those beside the level, and the shipped ones
-        commands += program_needed(session, library.get(program))
+        commands += program_needed(session, programs_of(session).get(program))
     return commands + (_mixtures(session, command) if brush and isinstance(command, DrawZone) else [])
+
+
+def programs_of(session):
+    """The available programs: those beside the level, and the shipped ones."""
+    folders = program_folders(session.path) if session.path else []
+    return ProgramLibrary([*folders, *shipped_programs().folders])
 
 
 def brush_needed(session, name):

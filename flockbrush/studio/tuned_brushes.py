@@ -68,7 +68,7 @@ def _loaded(branch, name) -> Brush | None:
         return load_brush(data, base)
     brought = (command for _, command in branch.commands if isinstance(command, UseBrush) and command.name == name)
     first = next(brought, None)
-    return first and first.brush()
+    return None if first is None else first.brush()
 
 
 def _with_tuned(loaded: Brush, now: Brush, tuned: Brush) -> Brush:

@@ -18,7 +18,7 @@ from flockbrush.systems.leaders import Steer  # noqa: F401
 from flockbrush.systems.mark_commands import DrawZone
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_level import GRASS, MARCH, SLOW, herd, objects, polyline, thing, tiles
+from small_level import GRASS, MARCH, SLOW, herd, objects, polyline, properties, thing, tiles
 
 # to the byte ----------------------------------------------------------------------------------------
 
