@@ -13,7 +13,7 @@ from pathlib import Path
 
 from flockbrush.behaviours.brush import SUFFIX, Brush, save_brush
 from flockbrush.behaviours.brush_writer import brush_to_toml
-from flockbrush.behaviours.program import Program, save_program
+from flockbrush.behaviours.program import save_program
 from flockbrush.engine.files import free_path, refused, write_bytes
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
@@ -151,11 +151,9 @@ class SessionFiles:
     def _read_again(self):
         """(the level with all that was done to it, its `BrushFiles` as they are on the disk now); ProblemsError."""
         level = self._level_now()
-        self.library = self.library.with_files(
-            {name: data for name, data in level.files.items() if is_brush_file(name)}
-        )
-        own = self.simulation.world.resource(Palette).own
-        return level, BrushFiles(own, self.timeline.current, self.library)
+        files = {name: data for name, data in level.files.items() if is_brush_file(name)}
+        self.library = self.library.with_files(files)
+        return level, BrushFiles(self.palette.own, self.timeline.current, self.library)
 
     def _tell_changed(self, files):
         if files.changed:
@@ -283,9 +281,8 @@ class SessionFiles:
 
     def unsaved_brushes(self):
         """Brushes as they were changed in this window, on any branch, if no file has these numbers."""
-        brushes: dict[str, Brush] = {}
-        for done in self._done_on_branches():
-            brushes |= {brush_to_toml(brush): brush for brush in tuned_by(done, self.library)}
+        tuned = (brush for done in self._done_on_branches() for brush in tuned_by(done, self.library))
+        brushes = {brush_to_toml(brush): brush for brush in tuned}
         return [brush for text, brush in brushes.items() if text not in self._saved_brushes]
 
     @property
@@ -315,8 +312,7 @@ class SessionFiles:
 
     def save_changed(self, brush: Brush, new: Brush):
         """Save what a changed brush became under a new name; as `save_brush`."""
-        path = self.save_brush(new)
-        if path is not None:
+        if path := self.save_brush(new):
             self._saved_brushes |= {brush_to_toml(brush)}
         return path
 
@@ -334,9 +330,8 @@ class SessionFiles:
 
     def unsaved_programs(self):
         """Programs as they were changed in this window, on any branch, if no file has them."""
-        programs: dict[bytes, Program] = {}
-        for done in self._done_on_branches():
-            programs |= {program.source: program for program in changed_by(done, programs_of(self))}
+        changed = (program for done in self._done_on_branches() for program in changed_by(done, programs_of(self)))
+        programs = {program.source: program for program in changed}
         return [program for text, program in programs.items() if text not in self._saved_programs]
 
     def changed_programs(self):

@@ -25,9 +25,7 @@ def paths_of(seed=0):
 
 def long_rows(xy, name="id"):
     """Rows frame, id, x, y of what is there."""
-    return [
-        (t, f"{name}{n}", *xy[t, n]) for t in range(len(xy)) for n in range(xy.shape[1]) if np.isfinite(xy[t, n, 0])
-    ]
+    return [(t, f"{name}{n}", *xy[t, n]) for t, n in np.argwhere(np.isfinite(xy[..., 0]))]
 
 
 def written(path, head, rows):
