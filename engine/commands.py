@@ -314,7 +314,8 @@ class Commands:
             whoever goes on can call this again.
         """
         now = world.resource(Clock).tick
-        self._order_keys(script, now)
+        if self._pending and self._pending[0][0] <= now:
+            self._order_keys(script, now)
         while self._pending and self._pending[0][0] <= now:
             _, _, cmd, key = heapq.heappop(self._pending)
             try:

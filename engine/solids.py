@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -220,8 +221,9 @@ def packed(solids):
     )
 
 
+@cache
 def no_solids():
-    """An empty sky."""
+    """An empty sky, the same one each time."""
     return packed([])
 
 

@@ -52,6 +52,18 @@ def hasty_learning():
         yield
 
 
+@pytest.fixture(scope="module")
+def short_trials():
+    """Herds are not run on for long after their clip; not for workers of a cluster, which know nothing of it."""
+    from flockbrush.learning import trials, verdict
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trials, "BEYOND", (2.0, 2.0))
+        patch.setattr(verdict, "ALONE", 8.0)
+        patch.setattr(verdict, "MEASURED", 4.0)
+        yield
+
+
 def _is_smoke(item):
     wanted = SMOKE.get(item.path.name)
     return wanted is not None and item.name.startswith(wanted)

@@ -86,7 +86,7 @@ RUN = [
 
 
 @pytest.mark.parametrize("path", RUN)
-def test_every_block_of_the_page_runs(path, reader, hasty_learning, monkeypatch):
+def test_every_block_of_the_page_runs(path, reader, hasty_learning, short_trials, monkeypatch):
     session = {"__name__": "page"}
     load_overlays()  # as above
     monkeypatch.setattr("flockbrush.render.overlay_registry.OVERLAYS", dict(OVERLAYS))

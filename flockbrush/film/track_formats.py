@@ -39,9 +39,9 @@ FLOWN = {"x_b", "y_b", "x", "y", "z"}  # of `flockbrush formation fly`, likewise
 NAMES = {  # what columns are called, the first that is there is taken
     "id": ("id", "track_id", "trackid", "track", "individual", "individual-local-identifier", "tag-local-identifier",
            "animal", "animal_id", "object", "particle", "name"),
-    "x": ("x", "x_m", "x_bl", "x_px", "pos_x", "position_x", "utm-easting"),
-    "y": ("y", "y_m", "y_bl", "y_px", "pos_y", "position_y", "utm-northing"),
-    "z": ("z", "z_m", "z_bl", "z_px", "pos_z", "position_z", "height-above-ellipsoid", "height-above-msl"),
+    "x": ("x", "x_bl", "x_m", "x_px", "pos_x", "position_x", "utm-easting"),
+    "y": ("y", "y_bl", "y_m", "y_px", "pos_y", "position_y", "utm-northing"),
+    "z": ("z", "z_bl", "z_m", "z_px", "pos_z", "position_z", "height-above-ellipsoid", "height-above-msl"),
     "frame": ("frame", "frame_number", "frame_idx"),
     "time": ("time", "time_s", "seconds", "t", "timestamp"),
     "visible": ("visible",),  # of Movebank: false for outliers

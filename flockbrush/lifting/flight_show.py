@@ -24,6 +24,9 @@ from flockbrush.lifting.lift_solver import LiftedFlight, LiftError, LiftWish, li
 from flockbrush.lifting.lift_thesis import lift_by_thesis
 from flockbrush.render.gaits import BEAT, FASTEST_BEAT
 from flockbrush.runs.catalogue import LABELS, Catalogue
+from flockbrush.systems.ground_height import Heights
+from flockbrush.systems.landscape import Landscape
+from flockbrush.systems.terrain import relief_of
 
 GLANCE = 5  # while a slider is dragged every so manieth frame is solved
 SPANS = 2.5  # wingspans from bird to bird, assumed if their size is not given
@@ -356,7 +359,9 @@ class _AsRun:
         return True
 
     def resource(self, kind):
-        """Names of species and of brushes: one species, and no brush. Of all else there is nothing."""
+        """Names of species and of brushes: one species, and no brush. The ground is level; of all else is nothing."""
+        if kind is Landscape:
+            return SimpleNamespace(heights=Heights(relief_of(), 1.0, (0.0, 0.0)))
         return self._kind if kind is Catalogue else kind()
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from flockbrush.engine.seam import images
 from flockbrush.levels.geometry import sign_of
 from flockbrush.render.brush_marks import cover as pattern_cover
 from flockbrush.render.brush_marks import ink_of, pattern_of
@@ -14,6 +17,12 @@ from flockbrush.render.shapes import cover_polygon, smear
 from flockbrush.render.style import PALETTE, rgb
 from flockbrush.render.text import words
 
+OUTLINES = {
+    "exits": "polygon",
+    "zones": "polygon",
+    "areas": "polygon",
+    "lines": "points",
+}  # they reach over borders
 SIGNS = 0.45  # opacity of the patterns of brushes
 SAMPLES = 128  # cells across, of those looked at for the place of a name
 
@@ -51,8 +60,13 @@ class Sketcher(TerrainSketch):
         self.canvas = Canvas(self.image, _common(box, self.inner))
 
     def of(self, name):
-        """A list of the level's objects, empty when the level has none."""
-        return getattr(self.level, name, None) or []
+        """A list of the level's objects, empty when the level has none; what reaches over a border goes on there."""
+        things, outline = getattr(self.level, name, None) or [], OUTLINES.get(name)
+        if outline is None or getattr(self.level, "boundary", "open") != "wrap":
+            return things
+        wrap = self.level.width, self.level.height
+        ways = ((thing, way) for thing in things for way in images(getattr(thing, outline), wrap))
+        return [replace(thing, **{outline: getattr(thing, outline) + way}) for thing, way in ways]
 
     def paint(self, box):
         """Draw everything inside the box anew, but for the names."""

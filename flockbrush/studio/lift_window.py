@@ -290,7 +290,7 @@ class LiftWindow(FramesWindow):
     def cancel(self):
         """Clear the selection; where there is none, go back to what the window was opened over."""
         if self.under and self.bird is None and self._held is None:
-            self.quit()
+            self.ask_to_quit()
         self.let_go()
         self.bird = None
 

@@ -283,13 +283,14 @@ class Session(TickRunner, SessionFiles):
 
     def restart(self):
         """Begin anew with the level and the brushes as they are now; the run so far stays as a branch."""
-        now, editor = self.timeline.current.beginning, self.editor
+        now, editor, library = self.timeline.current.beginning, self.editor, self.library
         try:
             level, files = self._read_again()
             beginning = Beginning(level, self.brushes_known(), now.seed, now.agents)
             self._begin(beginning, editor.restarted(files.renewed), files.brushes, self.changed_programs())
             self._tell_changed(files)
         except ProblemsError as error:
+            self.library = library
             self._say("error", f"{error}\nThe level cannot start with this change; the run continues.")
 
     def _begin(self, beginning, editor, brushes=(), programs=()):

@@ -91,6 +91,11 @@ class TickRunner:
         """Whether ticks run beside: what is not from `view` or `scene` is waited for."""
         return self._beside.busy
 
+    @property
+    def moment(self):
+        """The animals as they are after the last tick that is shown."""
+        return self._after
+
     def view(self):
         """The animals for drawing, between the last two ticks while time goes on."""
         if not self.playing or self._before is None:

@@ -189,7 +189,7 @@ def test_turns_from_the_wall_are_told_from_turns_with_neighbours(file):
     assert fit.theta[9] == pytest.approx(PARAMS.obstacle_weight, rel=0.35) and np.isfinite(fit.deviation[9])
 
 
-def test_how_strongly_animals_turn_from_the_wall_is_learned(file):
+def test_how_strongly_animals_turn_from_the_wall_is_learned(file, short_trials):
     few = SearchSettings(starts=3, quick=True, budget_s=2.0, brushes=False)
     found = learn(seen_in(file, TANK), few)
     strength = found.params.obstacle_weight * found.params.sensitivity

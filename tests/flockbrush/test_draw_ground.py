@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from flockbrush.components.level_things import Exit
 from flockbrush.engine.raster import Raster
 from flockbrush.levels.schema import BrushLayer, PaintBounds
 from flockbrush.systems.palette import Palette
@@ -294,6 +295,17 @@ def test_a_contact_sheet_shows_every_picture():
         assert (sheet == 40 * k).all(axis=2).sum() >= (30 + 10 * k) * 50
     with pytest.raises(ValueError, match="at least one"):
         contact_sheet([])
+
+
+def test_what_reaches_over_the_border_of_a_periodic_map_is_drawn_on_the_other_side():
+    def drawn(boundary, polygon):
+        herd = DrawnHerd(np.full((1, 2), 5.0), np.zeros((1, 2)))
+        return Painter(level(exits=[Exit(1, "", polygon)], boundary=boundary), (320, 240), LIGHT).frame(herd)
+
+    over, beyond = box(-4, 10, 1, 20), box(36, 10, 41, 20)
+    assert np.array_equal(drawn("wrap", over), drawn("wrap", beyond))
+    assert not np.array_equal(drawn("open", over), drawn("open", beyond))
+    assert not np.array_equal(drawn("wrap", over), drawn("open", over))
 
 
 def test_the_same_level_gives_the_same_ground():

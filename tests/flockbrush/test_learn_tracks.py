@@ -37,7 +37,7 @@ def tracks():
 
 
 @pytest.fixture(scope="module")
-def learned(tracks, hasty_learning):
+def learned(tracks, hasty_learning, short_trials):
     length = flockbrush.shipped().get("march").body.length
     return flockbrush.learn(tracks, unit="m", fps=16, body_length=length, quick=True, starts=1, name="marchers")
 
@@ -152,7 +152,7 @@ def test_what_was_learned_is_shown_in_a_line(learned, capsys):
     assert {type(row["off"]) for row in learned.measures} == {float}
 
 
-def test_the_command_learns_from_a_table_with_gaps(tracks, hasty_learning, tmp_path, capsys):
+def test_the_command_learns_from_a_table_with_gaps(tracks, hasty_learning, short_trials, tmp_path, capsys):
     path = tmp_path / "march.csv"
     rows = [
         f"{t},{t / 16},{n},{tracks[t, n, 0]:.4f},{tracks[t, n, 1]:.4f}"

@@ -72,7 +72,7 @@ def test_a_goal_that_is_an_area_has_its_outline_and_a_point_in_it():
     simulation = start("meadow", agents=4)
     before = len(SceneMeshes(simulation).goals())
     ring = [[10, 10], [20, 10], [20, 20], [10, 20], [10, 18], [18, 18], [18, 12], [10, 12]]
-    simulation.submit(PlaceGoal(901, "fold", 15.0, 15.0, points=ring))
+    simulation.submit(PlaceGoal(901, "fold", None, None, points=ring))
     simulation.tick()
     place = SceneMeshes(simulation)
     goal, (outline,) = place.goals()[-1], place.outlines()[2][1]

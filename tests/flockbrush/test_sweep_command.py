@@ -70,7 +70,8 @@ def summary_of(rows):
     return sweep, summarise(sweep, journal)
 
 
-def test_the_summary_tells_of_how_many_runs_a_mean_is(capsys):
+def test_the_summary_tells_of_how_many_runs_a_mean_is(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     sweep, summary = summary_of([{"settled_distance": d, "distance": 1.0} for d in (0.1, None, 0.3, None, 0.2)])
     (scenario,) = summary["scenarios"]
     assert scenario["runs"] == 5

@@ -207,7 +207,7 @@ def test_animals_that_are_never_there_together_are_not_measured(tmp_path, capsys
 
 
 @pytest.mark.parametrize("unit", ["m", None])
-def test_the_length_of_a_body_is_that_of_the_brush(tmp_path, unit, hasty_learning):
+def test_the_length_of_a_body_is_that_of_the_brush(tmp_path, unit, hasty_learning, short_trials):
     path = table(
         tmp_path / "a.csv", rows_of(marching(40, noise=0.01), np.repeat(np.arange(40)[:, None] / FPS, ANIMALS, 1))
     )

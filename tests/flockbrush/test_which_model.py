@@ -212,6 +212,7 @@ def _search_little(monkeypatch, generations):
     monkeypatch.setattr(model_search, "SEEDS", 1)
     monkeypatch.setattr(model_search, "LAST_SEEDS", 1)
     monkeypatch.setattr(trials, "STAY", 3.0)
+    monkeypatch.setattr(trials, "BEYOND", (2.0, 2.0))
 
 
 def test_a_model_without_a_likelihood_is_fitted_by_simulation(monkeypatch):
@@ -301,6 +302,7 @@ def test_of_all_frames_the_best_of_what_came_of_parts_is_kept(monkeypatch):
     _search_little(monkeypatch, 1)
     fit = likeliest(likelihoods()["morse"], TurnBlocks([clip]), 0)
     monkeypatch.setattr(model_fit, "likeliest", lambda *_: fit)  # the same each time
+    monkeypatch.setattr(model_fit, "answering", lambda given, kind, params, seed: [params])
     monkeypatch.setattr(model_search, "_evolved", lambda *_: pytest.fail("a new search"))
     false = truth.model_copy(update={"attraction": 900.0, "repulsion": 0.1, "wander": 2.0})
     for parts in ([truth, false], [false, truth]):

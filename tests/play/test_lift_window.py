@@ -193,11 +193,13 @@ def slowly(window, monkeypatch):
     return go
 
 
-def test_a_window_that_is_closed_finishes_what_waits_to_be_written(window, tmp_path, monkeypatch):
+@pytest.mark.parametrize("keys", [("q", "ctrl"), ("escape",)])
+def test_a_window_that_is_closed_finishes_what_waits_to_be_written(window, tmp_path, monkeypatch, keys):
+    monkeypatch.setattr(window, "under", "the film")
     out, go = tmp_path / "out.csv", slowly(window, monkeypatch)
     window.slide(0, 1000.0)
     window._export(out)
-    window.key("q", "ctrl")
+    window.key(*keys)
     assert window.running and f"{out} will be written when the flight is solved" in window.dialog.question
     window.key("return")
     window.frame(0.05)

@@ -13,6 +13,7 @@ import pytest
 from flockbrush.behaviours.brush import shipped
 from small_pasture import pasture
 
+from flockbrush.render.style import theme_of
 from flockbrush.studio import thumbnails
 from flockbrush.studio.brush_palette import Thumbnails
 
@@ -50,9 +51,11 @@ def display():
 def pictures(tmp_path_factory):
     """Where the playground keeps the pictures of brushes; there are some, so that no window has them made."""
     folder, library = tmp_path_factory.mktemp("pictures"), shipped()
-    for brush in map(library.get, library.names()):
-        path = folder / f"{thumbnails._key(brush, Thumbnails.SIDE, 'light')}.png"
-        thumbnails._keep(path, thumbnails.placeholder(brush, Thumbnails.SIDE))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("FLOCKBRUSH_CACHE", str(folder))
+        for brush in map(library.get, library.names()):
+            path = thumbnails._path(brush, Thumbnails.SIDE, theme_of("light"), None, None)
+            thumbnails._keep(path, thumbnails.placeholder(brush, Thumbnails.SIDE))
     return folder
 
 

@@ -49,12 +49,12 @@ def test_a_changed_brush_has_another_picture(cache, march):
     assert cached(march.model_copy(update={"speed": SpeedSpec(mean=1.0)}), 32) is None
 
 
-@pytest.mark.parametrize("damage", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n"])
-def test_a_damaged_picture_is_made_anew(cache, march, damage):
+def test_a_damaged_picture_is_made_anew(cache, march):
     first = thumbnail(march, 32)
-    (kept,) = cache.iterdir()
-    kept.write_bytes(damage)
-    assert np.array_equal(thumbnail(march, 32), first)
+    for damage in (b"", b"not a picture", b"\x89PNG\r\n\x1a\n"):
+        (kept,) = cache.iterdir()
+        kept.write_bytes(damage)
+        assert np.array_equal(thumbnail(march, 32), first), damage
 
 
 def test_where_nothing_can_be_kept_pictures_are_made_all_the_same(tmp_path, monkeypatch, march):

@@ -123,7 +123,7 @@ def test_a_steered_animal_of_any_model_goes_where_it_is_sent_whatever_holds_it(m
     can = body.fly if model in AIR else body.walk
     xyz, row = agents[Position.xyz], agents.row(one)
     start = xyz[row].copy()
-    far = 10.0 * np.linalg.norm(agents[Velocity.xyz][row]) if model in AIR else 12.0
+    far = 10.0 * np.linalg.norm(agents[Velocity.xyz][row]) if model in AIR else 8.0
     place = start[:2] + far * np.array([-0.8, 0.6])
     simulation.submit(Appoint([one]))
     simulation.submit(Steer([one], *place.tolist(), kind="place"))
@@ -139,14 +139,14 @@ def test_a_steered_animal_of_any_model_goes_where_it_is_sent_whatever_holds_it(m
     assert abs(xyz[row, 2] - start[2]) < 2.0
     there = xyz[row].copy()
     simulation.submit(Steer([one], 0.0, -1.0))
-    simulation.run(32 * 8)
+    simulation.run(32 * 5)
     assert agents[Heading.forward][row, 1] < -0.95
     way = xyz[row] - there
     assert way[1] < -0.9 * np.linalg.norm(way) < -4.0
     assert agents[Urge.share][row] == pytest.approx(1.0)
     assert set(explain(world, one).shares) == {"steered"}
     simulation.submit(Steer([one], 0.0, 0.0))
-    simulation.run(32 * 8)
+    simulation.run(32 * 5)
     assert agents[Speed.target][row] == pytest.approx(slowest, abs=0.05)  # others may shove who stands
     assert model not in AIR or np.linalg.norm(agents[Velocity.xyz][row]) == pytest.approx(slowest, abs=0.05)
     simulation.submit(Steer([one], kind="free"))

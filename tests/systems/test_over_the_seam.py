@@ -21,6 +21,7 @@ from flockbrush.systems.terrain import relief_of, steepness_of
 from small_herd import box, brush, meadow, obstacle, put, put_aloft, straight
 
 from flockbrush.runs.level_counts import Counts
+from flockbrush.studio.tools.world_tools import KINDS, area_around, things_at
 
 SIZE = np.array([64.0, 48.0])
 Y, X = np.mgrid[:48, :64] + 0.5
@@ -230,6 +231,16 @@ def test_what_is_drawn_reaches_over_the_border(shift):
     assert np.array_equal(inside, there[1]) and 0 < inside.sum() < len(inside)
     assert counts == there[2] and min(counts[f"crossed line to its {side}"] for side in ("left", "right")) > 0
     assert left == there[3] < len(inside)
+
+
+def test_what_reaches_over_the_border_is_found_on_both_sides():
+    simulation = on_the_torus(straight())
+    simulation.submit(PlaceExit(7, "out", box(-4, 10, 2, 20).tolist()))
+    simulation.tick()
+    for x in (1.0, 63.0):
+        assert [thing.name for _, thing in [area_around(simulation, (x, 15.0), KINDS)]] == ["out"]
+    assert [kind for kind, _ in things_at(simulation, [(60.2, 15.0)], 0.5, KINDS)] == ["exit"]  # its edge
+    assert area_around(simulation, (32.0, 15.0), KINDS) is None
 
 
 # where to

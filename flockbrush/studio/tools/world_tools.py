@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from flockbrush.components import Body, Position
+from flockbrush.engine.seam import images
 from flockbrush.levels.geometry import distance_to_line, inside, sign_of
 from flockbrush.studio.outlines import rows
 from flockbrush.systems.edits import as_command
@@ -54,12 +55,18 @@ def touches(kind, thing, xy, reach) -> bool:
     )  # an exit, a zone, an area to spawn or to measure is a large place where other things may be meant
 
 
+def _places(simulation, xy):
+    """(k, 2) m: a point of the ground, and where it lies for things that reach over the border of a periodic map."""
+    return np.asarray(xy, float) + images([xy], simulation.world.resource(Landscape).wrap, np.inf)
+
+
 def things_at(simulation, places, reach, kinds) -> list[tuple[str, object]]:
     """Things under any of some points of the ground, topmost first, each once."""
+    places = [there for xy in places for there in _places(simulation, xy)]
     return [
         (kind, thing)
         for kind, thing in reversed(things(simulation))
-        if kind in kinds and any(touches(kind, thing, np.asarray(xy), reach) for xy in places)
+        if kind in kinds and any(touches(kind, thing, xy, reach) for xy in places)
     ]
 
 
@@ -67,7 +74,7 @@ def area_around(simulation, xy, kinds):
     """(kind, object) of the smallest area that a point of the ground lies in, or None."""
     of_kinds = [(kind, thing) for kind, thing in things(simulation) if kind in kinds]
     areas = [(kind, thing) for kind, thing in of_kinds if getattr(thing, "polygon", None) is not None]
-    around = [(kind, thing) for kind, thing in areas if inside([xy], thing.polygon)[0]]
+    around = [(kind, thing) for kind, thing in areas if inside(_places(simulation, xy), thing.polygon).any()]
     return min(around, key=lambda one: float(np.prod(np.ptp(np.asarray(one[1].polygon), axis=0))), default=None)
 
 
