@@ -103,6 +103,7 @@ def _body_length(data, xy):
         return None
     lengths = np.ma.filled(np.ma.asarray(data["body_length"][:]).astype(float), np.nan)
     seen = np.repeat(lengths, np.isfinite(xy).all(-1).sum(0))
+    seen = seen[np.isfinite(seen)]
     usual = float(np.median(seen)) if len(seen) else 0.0
     return usual if getattr(data["body_length"], "units", "") == "m" and usual > 0 else None
 

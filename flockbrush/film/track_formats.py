@@ -16,6 +16,7 @@ from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
+from flockbrush.film.track_columns import FLOWN, LENGTH, OURS, columns_of, length_of
 from flockbrush.film.track_numbers import TOLD, moment_of, number_grid, number_of, whole_frames
 from flockbrush.film.track_table import (
     WRAPPED,
@@ -33,19 +34,6 @@ from flockbrush.film.track_table import (
     rate_of,
 )  # fmt: skip
 
-OURS = {"vx", "vy", "vz", "speed", "species", "role", "reference"}  # columns of exports, which are in metres
-LENGTH, LENGTH_M = "length", "body-length-m"  # of animals, likewise; and in any table in metres
-FLOWN = {"x_b", "y_b", "x", "y", "z"}  # of `flockbrush formation fly`, likewise
-NAMES = {  # what columns are called, the first that is there is taken
-    "id": ("id", "track_id", "trackid", "track", "individual", "individual-local-identifier", "tag-local-identifier",
-           "animal", "animal_id", "object", "particle", "name"),
-    "x": ("x", "x_bl", "x_m", "x_px", "pos_x", "position_x", "utm-easting"),
-    "y": ("y", "y_bl", "y_m", "y_px", "pos_y", "position_y", "utm-northing"),
-    "z": ("z", "z_bl", "z_m", "z_px", "pos_z", "position_z", "height-above-ellipsoid", "height-above-msl"),
-    "frame": ("frame", "frame_number", "frame_idx"),
-    "time": ("time", "time_s", "seconds", "t", "timestamp"),
-    "visible": ("visible",),  # of Movebank: false for outliers
-}  # fmt: skip
 _ABOUT = b"schema", b"boundary", b"unit"  # metadata in Parquet
 ROUNDED = 0.1  # frames by which times may be off a frame without being interpolated
 
@@ -65,7 +53,7 @@ def csv_table(path) -> TrackTable:
         return _idtracker(path, lower, rows)
     if _trex_columns(header):
         return _of_one(path, *_of_csv(path, header, rows))
-    where = {kind: next((lower.index(n) for n in names if n in lower), None) for kind, names in NAMES.items()}
+    where = columns_of(lower)
     degrees = "location-long" in lower and "location-lat" in lower and where["x"] is None
     if degrees:
         where |= {"x": lower.index("location-long"), "y": lower.index("location-lat")}
@@ -73,7 +61,7 @@ def csv_table(path) -> TrackTable:
     heading = lower.index("heading") if "heading" in lower and not degrees else None
     if {"track_id", "position_x"} <= set(lower):  # TrackMate, where id is that of a spot
         where["id"], rows = lower.index("track_id"), _below_titles(rows, lower.index("position_x"))
-    length = LENGTH if {*OURS, LENGTH} <= set(lower) else LENGTH_M
+    length = length_of(lower)
     more = {"heading": heading, LENGTH: lower.index(length) if length in lower else None}
     columns, names, animal, lines = _parsed(path, rows, where, more)
     return _long_table(path, lower, where, columns, names, animal, lines, degrees)
@@ -170,7 +158,8 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         heading = None if heading is None else heading[one]
     xy, ids, numbers, turned = placed(path, frames, names, animal, places, heading, lines)
     start = begun(columns["time"][valid]) if "time" in columns else 0.0
-    length = float(np.median(columns[LENGTH][valid])) if LENGTH in columns else math.nan
+    lengths = columns[LENGTH][valid] if LENGTH in columns else np.empty(0)
+    length = float(np.median(lengths[np.isfinite(lengths)])) if np.isfinite(lengths).any() else math.nan
     return TrackTable(
         xy, ids, numbers, fps, unit, None, turned, notes, start, unit is not None, length if length > 0 else None
     )
@@ -243,11 +232,13 @@ def _parquet(path):
         stated = schema.metadata or {}
         about = known_format(path, {k.decode(): stated[k].decode() for k in _ABOUT if k in stated})
         header = [name.lower() for name in schema.names]
-        where = {kind: next((header.index(n) for n in names if n in header), None) for kind, names in NAMES.items()}
+        where = columns_of(header)
         _need(path, where, header)
+        if where["z"] is not None and not _is_number(schema.field(where["z"]).type):
+            where["z"] = None
         column_names = {kind: schema.names[at] for kind, at in where.items() if at is not None}
-        own = [LENGTH] if set(header) >= OURS else []
-        column_names |= {name: schema.names[header.index(name)] for name in ("heading", *own) if name in header}
+        own = {"heading": "heading", LENGTH: length_of(header)}
+        column_names |= {kind: schema.names[header.index(name)] for kind, name in own.items() if name in header}
         check_parquet(path, file.metadata, set(column_names.values()))
     with parquet.ParquetFile(path, read_dictionary=[column_names["id"]]) as file:  # long names are unpacked once
         data = file.read(columns=list(dict.fromkeys(column_names.values())))
@@ -287,6 +278,12 @@ def _coded(path, values):
     check_size(path, 1, len(values.dictionary))
     names = [str(name) for name in values.dictionary.to_pylist()]
     return [*names, ""], values.indices.fill_null(len(names)).to_numpy(zero_copy_only=False).astype(np.int64)
+
+
+def _is_number(kind):
+    from pyarrow import types
+
+    return types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind)
 
 
 def _column(values):

@@ -66,13 +66,16 @@ def heights_left_out(z) -> list[str]:
     ]
 
 
-def unevenness(times) -> str:
+def unevenness(times, rounded=0.0) -> str:
     """What is wrong with the times (n,), s, of a row of frames that are not evenly spaced; "" of others.
 
-    Of frames without a time (NaN) nothing is known.  A few frames may be missing.
+    Of frames without a time (NaN) nothing is known.  A few frames may be missing, and times may be ``rounded`` to so
+    many seconds.
     """
     steps = _steps(times)
-    if not len(steps):
+    if not (steps > 0).any():
+        return ""
+    if rounded and _off_a_line(times) <= UNEVEN * steps.mean() + rounded:
         return ""
     usual, mean = float(np.median(steps)), float(steps.mean())
     if (np.abs(steps - usual) <= UNEVEN * usual).mean() > MOST and abs(mean - usual) <= UNEVEN * usual:
@@ -82,8 +85,22 @@ def unevenness(times) -> str:
 
 def evened(times) -> str:
     """What to do where tracks need evenly spaced frames, and those of their film, at times (n,), s, are not."""
-    rate = 1.0 / float(np.quantile(_steps(times), 0.9))
+    steps = _steps(times)
+    rate = 1.0 / float(np.quantile(steps[steps > 0], 0.9))
     return f"track an even copy of the film, as from ffmpeg -i FILM -vf fps={rate:.3g} EVEN.mp4"
+
+
+def rounding(times) -> float:
+    """s, the last decimal place that is used by times (n,); no finer than a microsecond."""
+    known = np.asarray(times, float)[np.isfinite(times)]
+    return next((10.0**-k for k in range(6) if (np.abs(known - known.round(k)) < 1e-9).all()), 1e-6)
+
+
+def _off_a_line(times):
+    """s, how far at most times are from those of evenly spaced frames that fit them best."""
+    known = np.flatnonzero(np.isfinite(times))
+    there = np.asarray(times, float)[known]
+    return np.abs(there - np.polyval(np.polyfit(known, there, 1), known)).max()
 
 
 def _steps(times):

@@ -121,7 +121,7 @@ def _check_together(wishes):
     if wishes.quick and wishes.given("starts") and wishes.starts > QUICK_STARTS:
         say(f"--starts {wishes.starts} is cut to {QUICK_STARTS}: --quick fits no more random starts")
     if wishes.given("share") and len(wishes.clips) > 1:
-        raise refused("--share", f"of {len(wishes.clips)} clips each is held out in turn; it is for one clip")
+        raise refused("--share", f"of {len(wishes.clips)} files each is held out in turn; it is for one file")
     for name, told in OF_HERD.items():
         if wishes.given(name) and wishes.model not in (HERD, AUTO):
             option = {"workers": "cluster"}.get(name, name)
@@ -140,7 +140,7 @@ def _check_different(clips):
     for clip in map(Path, clips if len(clips) > 1 else ()):
         what = sha256_of(clip) if clip.is_file() else str(clip.resolve())
         if what in known:
-            same = f"has the same content as {known[what].name}: each clip is held out in turn, name it once"
+            same = f"has the same content as {known[what].name}: each file is held out in turn, name it once"
             raise refused(clip, same)
         known[what] = clip
 

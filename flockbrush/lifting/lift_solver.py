@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from flockbrush.film.track_table import evened, unevenness
+from flockbrush.film.track_table import evened, rounding, unevenness
 from flockbrush.film.tracks import Tracks, smoothed
 from flockbrush.lifting.banded import add_squares, banded_product, solve_banded
 from flockbrush.lifting.lens import Camera
@@ -165,7 +165,7 @@ def _order(sight, camera, wish, depth):
 
 def prepared(tracks: Tracks, camera: Camera) -> PreparedTracks:
     """Smoothed tracks as rays; LiftError when there is no flight in them."""
-    if tracks.times is not None and (uneven := unevenness(tracks.times)):
+    if tracks.times is not None and (uneven := unevenness(tracks.times, rounding(tracks.times))):
         raise LiftError(f"{uneven}, so speeds, and with them depths, would be wrong; {evened(tracks.times)}")
     clean = smoothed(tracks)
     there = np.isfinite(clean.px).all(-1)

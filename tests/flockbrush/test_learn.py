@@ -367,7 +367,7 @@ def test_parts_are_left_out_of_the_fit_that_is_compared(cli, films, quick, tmp_p
 def test_options_that_change_nothing_are_refused_or_told(cli, films, quick, tmp_path):
     one, two, out = films / "one.mp4", films / "two.mp4", tmp_path / "x.brush.toml"
     for arguments, told in (
-        ((one, two, "--share", 0.3), "--share: of 2 clips each is held out in turn"),
+        ((one, two, "--share", 0.3), "--share: of 2 files each is held out in turn"),
         ((one, "--model", "zones", "--starts", 3), "--starts: it is for the search of the herd model"),
         ((one, "--model", "zones", "--device", "cpu"), "--device: it is for the search of the herd model"),
         ((one, one), f"{one}: has the same content as {one.name}"),

@@ -9,6 +9,7 @@ from flockbrush.cli.main import called
 from flockbrush.film.observations import CannotObserve
 from flockbrush.film.track_evidence import evidence_of_tracks
 from flockbrush.film.track_files import Trajectories, read_trajectories
+from flockbrush.film.track_table import evened, rounding, unevenness
 
 FPS, ANIMALS = 10.0, 8
 
@@ -215,3 +216,27 @@ def test_the_length_of_a_body_is_that_of_the_brush(tmp_path, unit, hasty_learnin
     assert found.brush.body.length == 1.5
     with pytest.raises(ValueError, match="body_length"):
         flockbrush.learn(path, body_length=0.0)
+
+
+def test_places_are_in_one_unit_where_a_table_has_several(tmp_path):
+    rows = [(t, n, 99, t, n) for t in range(9) for n in range(3)]
+    found = read_trajectories(table(tmp_path / "a.csv", rows, "frame,id,x_bl,x_m,y_m"), fps=FPS)
+    assert found.unit == "m" and found.xy[3, 2].tolist() == [3.0, 2.0]
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_lengths_that_are_known_count_and_heights_that_are_no_numbers_do_not(tmp_path, ending):
+    rows = [(t, n, t, n, "" if (t, n) == (0, 0) else 0.5, "?") for t in range(9) for n in range(3)]
+    path = table(tmp_path / "a.csv", rows, "frame,id,x_m,y_m,body-length-m,z_m")
+    if ending == "parquet":
+        csv = pytest.importorskip("pyarrow.csv").read_csv(path)
+        pytest.importorskip("pyarrow.parquet").write_table(csv, path := tmp_path / "a.parquet")
+    assert read_trajectories(path, fps=FPS).body_length == 0.5
+
+
+@pytest.mark.parametrize("decimals", [0, 1, 2, 3, 6])
+def test_rounded_times_of_even_frames_are_even(decimals):
+    even = (np.arange(90) / 30).round(decimals)
+    assert unevenness(even, rounding(even)) == ""
+    uneven = np.concatenate([np.arange(20) / 30, 20 / 30 + np.arange(40) / 10]).round(max(decimals, 2))
+    assert "0.1 s apart" in unevenness(uneven, rounding(uneven)) and "fps=10 " in evened(uneven)
