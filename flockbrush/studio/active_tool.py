@@ -7,7 +7,7 @@ import numpy as np
 from flockbrush.behaviours.brush import flies_free, shipped
 from flockbrush.behaviours.species import usual_species
 from flockbrush.components import BrushBinding, ProgramState, Species
-from flockbrush.engine.problems import did_you_mean
+from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.render.style import mix, rgb, worn
 from flockbrush.render.style import palette as fallback_colours
 from flockbrush.studio.brush_palette import CAPS
@@ -194,7 +194,7 @@ class ActiveTool:
             return palette.brushes[palette.index[name]]
         try:
             return self.session.library.get(name)
-        except (LookupError, ValueError):
+        except ProblemsError:
             return None
 
     def brush_needed(self, name):

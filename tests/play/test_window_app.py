@@ -405,6 +405,17 @@ def test_the_view_is_moved_by_dragging(window, how):
     assert window.canvas.camera == window.canvas.home
 
 
+def test_a_brush_file_with_a_mistake_closes_no_window_and_is_told_where_it_is_used(window):
+    (window.session.path.parent / "brushes").mkdir()
+    (window.session.path.parent / "brushes" / "bad.brush.toml").write_text('name = "bad"\n')
+    window.session.brush_folder()  # looks for brushes again
+    window.frames(3)
+    assert "bad" in window.brush_names() and window.said() == []
+    window.choose("brush", "bad")
+    window.drag((4, 13), (8, 13))
+    assert "bad.brush.toml:1: schema: is missing" in window.said()[-1]
+
+
 # all keys ---------------------------------------------------------------------------------
 
 
