@@ -304,8 +304,8 @@ class Commands:
         Parameters
         ----------
         world : World
-        script : sequence of int
-            Keys in the order of the level's script: in this order comes what they give in one tick.
+        script : sequence with ``id``
+            The keys of the level's script: in this order comes what they give in one tick.
 
         Raises
         ------
@@ -326,7 +326,7 @@ class Commands:
 
     def _order_keys(self, script, now):
         """Have keys of one tick that are due take their turns in the order of the script."""
-        rank = {key: k for k, key in enumerate(script)}
+        rank = {key.id: k for k, key in enumerate(script)}
         turns = sorted((entry for entry in self._pending if entry[0] <= now and entry[3] in rank), key=lambda e: e[:2])
         if len(turns) > 1:
             others = [entry for entry in self._pending if entry[0] > now or entry[3] not in rank]

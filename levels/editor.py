@@ -234,7 +234,10 @@ class Editor(CommandStack):
         renewed : callable
             What a command of the steps becomes, now that files may have changed.
         """
-        records = lambda those: _records(map(renewed, _commands(those)))  # noqa: E731
+
+        def records(those):
+            return _records(map(renewed, _commands(those)))
+
         self.sheet.settle()
         shared = {id(thing): thing for thing in (self.library, *self.sheet.constants())}
         other = copy.deepcopy(self, {**shared, id(self._journal): None})

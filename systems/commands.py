@@ -31,8 +31,7 @@ class ApplyCommands(System):
     writes = (Commands, Landscape, Palette, Programs, SpeciesList, Component)
 
     def process(self, world):
-        script = world.resource(Landscape).marks.keys if world.has(Landscape) else []
-        world.resource(Commands).apply(world, [key.id for key in script])
+        world.resource(Commands).apply(world, world.resource(Landscape).marks.keys if world.has(Landscape) else [])
         if world.has(Landscape):
             land, clock = world.resource(Landscape), world.resource(Clock)
             for glide in list(land.glides):

@@ -49,17 +49,17 @@ def lists_of(world, kind):
 def rehearsal(world):
     """What a script is checked in: things, species, brushes and programs that `foreseen` commands change, and that
     come back."""
-    kept = [world.resource(kind) for kind in (Palette, Programs)]
+    resources = [world.resource(kind) for kind in (Palette, Programs)]
     lists = [things for kind in KINDS for things in lists_of(world, kind)]
     lists += [world.resource(Nursery).born, world.resource(SpeciesList).names]
     before = [list(things) for things in lists]
-    for resource in kept:
+    for resource in resources:
         twin = world.insert(copy(resource))
         twin.set_state(resource.state())
     try:
         yield
     finally:
-        for resource in kept:
+        for resource in resources:
             world.insert(resource)
         for things, kept in zip(lists, before, strict=True):
             things[:] = kept

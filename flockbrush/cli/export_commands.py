@@ -10,7 +10,7 @@ from flockbrush.cli.level_commands import opened, stepping, use_threads, warn_if
 from flockbrush.engine.files import refused
 from flockbrush.lifting.flight_show import Show
 from flockbrush.lifting.ground_show import is_flight
-from flockbrush.output.export import Exports, check_exports
+from flockbrush.output.export import Exports, check_exports, check_rate
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
 from flockbrush.runs.compile_ahead import compiling_ahead
@@ -43,6 +43,7 @@ def export_recording(path, outputs, fps, thread_count, options, json, edited=Tru
         stack.enter_context(compiling_ahead(path))
         file = edits_of(path) if edited else None
         simulation = running.rebuild(run)
+        check_rate(fps, simulation, "--fps")
         edits = applied(file, run, simulation, stack, interrupts)
         source = running.source_of(path) | (told_of(file) if edits else {})
         exports = stack.enter_context(Exports(outputs, simulation, fps, edits, **options, source=source))

@@ -19,7 +19,7 @@ from flockbrush.engine.commands import CommandError
 from flockbrush.engine.parallel import set_threads, threads
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import open_recording, state_hash
-from flockbrush.output.export import Exports, check_exports
+from flockbrush.output.export import Exports, check_exports, check_rate
 from flockbrush.runs import run as running
 from flockbrush.runs import terminal
 from flockbrush.runs.builds import build_of_run, differences
@@ -42,6 +42,7 @@ def run_level(job: RunRequest, options):
     begin = job.level, job.seed, job.agents, job.brush
     with terminal.Interrupts() as interrupts, compiling_ahead(*begin):
         simulation = running.start(*begin)
+        check_rate(job.fps, simulation, "--fps")
         ticks = ticks_of(job, simulation.clock.dt)
         submit_events(simulation, job.event or [], ticks)
         watch, writing = running.Stopwatch(simulation), bool(job.record or exported)

@@ -55,7 +55,7 @@ def begun(times) -> float:
 
 
 def heights_left_out(z) -> list[str]:
-    """The note on heights (any shape) that vary: tracks are those in plan. None where they do not."""
+    """The note on heights (any shape) that vary: tracks are those in plan; none where they do not."""
     known = z[np.isfinite(z)]
     if not known.size or known.min() == known.max():
         return []

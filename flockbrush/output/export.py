@@ -52,6 +52,13 @@ def check_exports(paths, inputs=(), others=(), options=None):
         raise ProblemsError(problems)
 
 
+def check_rate(fps, simulation, name="fps"):
+    """Raise `ProblemsError` if a run cannot be exported at so many moments per second; None is each file's own."""
+    ticks = 1 / simulation.world.resource(Clock).dt
+    if fps is not None and not 0 < fps <= ticks:
+        raise refused(name, f"must be above 0 and at most {ticks:g} (ticks per second), got {fps:g}")
+
+
 def exported(simulation, path, fps=None, last_tick=0, **options):
     """Write one export of a simulation that runs on to a tick; options as of `Exports`."""
     with Exports([path], simulation, fps, **options) as exports:
@@ -77,9 +84,7 @@ class Exports:
     """
 
     def __init__(self, paths, simulation, fps=None, edits=None, **options):
-        ticks = 1 / simulation.world.resource(Clock).dt
-        if fps is not None and not 0 < fps <= ticks:
-            raise refused("fps", f"must be above 0 and at most {ticks:g} (ticks per second), got {fps:g}")
+        check_rate(fps, simulation)
         if problems := output_problems(paths, simulation.inputs(paths)):
             raise ProblemsError(problems)
         self._pairs, self._edits = [], edits

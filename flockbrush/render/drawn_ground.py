@@ -17,12 +17,8 @@ from flockbrush.render.shapes import cover_polygon, smear
 from flockbrush.render.style import PALETTE, rgb
 from flockbrush.render.text import words
 
-OUTLINES = {
-    "exits": "polygon",
-    "zones": "polygon",
-    "areas": "polygon",
-    "lines": "points",
-}  # they reach over borders
+# of things that reach over borders, the field with their outline
+OUTLINES = {"exits": "polygon", "zones": "polygon", "areas": "polygon", "lines": "points"}
 SIGNS = 0.45  # opacity of the patterns of brushes
 SAMPLES = 128  # cells across, of those looked at for the place of a name
 

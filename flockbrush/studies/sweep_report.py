@@ -9,7 +9,8 @@ import math
 from pathlib import Path
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.special import stdtrit
+from scipy.stats import binomtest
 
 import flockbrush
 from flockbrush.engine.files import whole
@@ -112,9 +113,8 @@ def _moments(values, share=False):
 
 def _interval_of(share, n):
     """Wilson's 95 % interval of a share of n runs."""
-    z2 = float(ndtri(0.975)) ** 2 / n
-    middle, wide = share + z2 / 2, math.sqrt(z2 * (share * (1 - share) + z2 / 4))
-    return {"low": max(middle - wide, 0.0) / (1 + z2), "high": min((middle + wide) / (1 + z2), 1.0)}
+    interval = binomtest(round(share * n), n).proportion_ci(method="wilson")
+    return {"low": float(interval.low), "high": float(interval.high)}
 
 
 def _shares(values):

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from flockbrush.components import BrushBinding, Heading, Position, Role, Velocity
+from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.level_writer import Document
 from flockbrush.systems.groups import groups_of
 from pens import pen
@@ -255,6 +256,14 @@ def test_who_crosses_the_seam_takes_the_short_way():
 def test_from_nobody_to_somebody_is_no_trouble():
     assert len(between(moment(0, [], []), moment(1, [1], [4.0]), 0.5)) == 1
     assert len(between(moment(0, [1], [4.0]), moment(1, [], []), 0.5)) == 0
+
+
+def test_rates_that_a_run_does_not_have_name_the_option_that_asked_for_them(cli, level, tmp_path):
+    told = cli("run", level, "--ticks", 8, "--export", tmp_path / "a.csv", "--fps", 100)
+    assert told.code == 1
+    assert "--fps: must be above 0 and at most 32 (ticks per second), got 100" in told.err
+    with pytest.raises(ProblemsError, match="^fps: must be above 0"):
+        Exports([tmp_path / "a.csv"], start(level), fps=100)
 
 
 @pytest.mark.parametrize(("fps", "expected"), [(32, 17), (16, 9), (30, 16), (24, 13), (7, 4), (0.1, 1)])

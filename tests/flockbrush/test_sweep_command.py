@@ -14,7 +14,7 @@ from flockbrush.levels.sketch import LevelSketch
 from flockbrush.levels.tiled import write_project
 from flockbrush.systems import measures
 from pens import pen
-from scipy.stats import binomtest
+from scipy.special import ndtri
 from small_sweep import FLOCKS, here, rows_without_times, sweep_file
 
 from flockbrush.runs import run as running
@@ -88,10 +88,11 @@ def test_intervals_of_shares_are_shares(yes, no, answers):
     values = [answers[0]] * yes + [answers[1]] * no
     _, summary = summary_of([{name: value, "shape": "V" if value else "J"} for value in values])
     (scenario,) = summary["scenarios"]
-    wilson = binomtest(yes, yes + no).proportion_ci(method="wilson")
+    n, z = yes + no, float(ndtri(0.975))
     for found in (scenario["means"][name], *([scenario["share_intervals"]["shape"]["V"]] if yes else [])):
-        assert (found["low"], found["high"]) == pytest.approx((wilson.low, wilson.high))
         assert 0 <= found["low"] < found["high"] <= 1
+        for end in (found["low"], found["high"]):  # Wilson (1927): the true shares at z standard deviations from it
+            assert abs(yes / n - end) == pytest.approx(z * math.sqrt(end * (1 - end) / n), abs=1e-12)
 
 
 def test_numbers_that_happen_to_be_0_or_1_are_no_shares():
