@@ -288,8 +288,9 @@ def _joined_row(rows):
 
 def _said(mine, rivals, told, seconds, count, source):
     """(kind, sentence), or why nothing can be told."""
-    lacking = [f"{SHORTEST:g} s"] * (seconds < SHORTEST) + [f"{FEWEST} animals"] * (count < FEWEST)
-    lacking += [f"{LEAST_TOLD} measures"] * (len(told) < LEAST_TOLD)
+    least = {f"{SHORTEST:g} s": seconds < SHORTEST, f"{FEWEST} animals": count < FEWEST}
+    least[f"{LEAST_TOLD} measures"] = len(told) < LEAST_TOLD
+    lacking = [what for what, lacks in least.items() if lacks]
     if lacking:
         time = f"{seconds:.{2 if seconds < 1 else 1}f} s"
         tell = f"{time} of {count:.0f} animals tell {len(told)} of {len(MEASURES)} measures"
