@@ -46,7 +46,7 @@ from flockbrush.learning.result import Findings
 from flockbrush.learning.side_by_side import moments_beside
 from flockbrush.learning.simulate import simulated
 from flockbrush.learning.verdict import RUNS as JUDGED_RUNS
-from flockbrush.learning.verdict import combined, judge
+from flockbrush.learning.verdict import combined, judge, once_fitted
 from flockbrush.learning.which_model import HERD, ModelComparison
 from flockbrush.learning.words_of_tracks import words_for
 from flockbrush.runs.cluster import cluster
@@ -290,13 +290,15 @@ def _refitted(herd: BrushTask, judged: list[Findings], wishes, interrupts) -> Fi
     _refuse_strangers(wholes, checks)
     parts = f"{len(judged)} parts of the clip" if len(judged) > 1 else "the second part"
     parts = "each clip" if len(wholes) > 1 else parts
-    if len(combined(checks).missed) > len(combined(theirs).missed):
+    check, its = combined(checks), combined(theirs)
+    if len(check.missed) > len(its.missed):
+        first.judgement = once_fitted(first.judgement, its)
         first.notes = [
             f"Tested on {parts} in turn; a fit to all frames was worse, so the first of these fits was saved, with its "
             "own verdict."
         ]
         return first
-    again.judgement, again.seconds, again.judged_brush = together, first.seconds, first.brush
+    again.judgement, again.seconds, again.judged_brush = once_fitted(together, check), first.seconds, first.brush
     again.models = first.models
     again.notes = [f"Tested on {parts}, held out in turn; the parameters were then fitted to all frames."]
     return again

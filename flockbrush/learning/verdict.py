@@ -10,7 +10,7 @@ are wrong is measured by ``benchmarks/learning.py calibration``.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,7 @@ STEPPED = "speeds", "share standing"  # measures of steps, for which frames may 
 FEWEST = 5  # animals
 GROWN = 4.0  # times the spread of the clip: farther nothing is extrapolated
 FILM, TRACKS = "film", "tracks"  # what judges
+ONWARD = 0.5  # of the change of a measure in the clip, that may go on after it
 ANYWHERE = 0.25  # of a limit, by which it grows at most where runs differ: those that go anywhere excuse nothing
 STILL, ONWARDS = "nobody moves", "all animals keep their velocity"
 RANDOM = "random numbers"
@@ -167,7 +168,7 @@ def after_long(battery: Battery, rows: list[BatteryRow], found: list[Series]) ->
         )
         level = float(np.abs(value).mean())
         limit = max(kind.lasting, kind.lasting_share * level, kind.lasting_limits * row.limit)
-        limit += _trend(battery, row.name)
+        limit += ONWARD * _trend(battery, row.name)
         mean, most = values.mean(0), value
         if kind.growth_error is not None and np.isfinite(growth):
             most = value * min(np.exp(max(growth, 0.0) * ALONE), GROWN)  # as far as it would grow so
@@ -248,6 +249,19 @@ def concluded(
         sentence = f"How it moves cannot be told from this clip: {sentence}."
         sentence = of_tracks(sentence) if source == TRACKS else sentence
     return Judgement(kind, sentence, mine, rivals, told, seconds, count, doubt, source)
+
+
+def once_fitted(judgement: Judgement, check: Judgement) -> Judgement:
+    """The judgement of brushes learned from parts, for the one fitted to all frames.
+
+    It is not praised for what it misses in these frames, which it knows.
+    """
+    lost = [name for name in check.missed if name not in judgement.missed]
+    if judgement.kind != "like" or not lost:
+        return judgement
+    met = listed(name for name in judgement.told if name not in lost)
+    sentence = f"It moves like the {judgement.source} in {met}; fitted to all frames, not in {listed(lost)}."
+    return replace(judgement, kind="partly", sentence=sentence)
 
 
 def combined(judgements: list[Judgement]) -> Judgement:

@@ -23,6 +23,7 @@ from flockbrush.learning.verdict import (
     concluded,
     idle,
     judge,
+    once_fitted,
     settled,
 )
 
@@ -184,6 +185,35 @@ def test_brushes_of_several_parts_are_judged_together():
     assert both.kind == "partly" and both.seconds == 6.0
     assert both.brush.rows[0].far == pytest.approx(np.sqrt((0.2**2 + 1.5**2) / 2))
     assert combined([parts[0], concluded(contender("x", 1.1, 0.1, 0.1, 0.1), others, 3.0, 30)]).kind == "like"
+
+
+def test_a_brush_is_not_praised_for_what_it_misses_once_it_is_fitted_to_all_frames():
+    others = [contender(STILL, 4, 4, 4, 4)]
+    strayed = [row("milling", 2)]
+    like, partly, strays = (
+        concluded(contender("x", far, 0.1, 0.1, 0.1, lasting=lasting), others, 3.0, 30)
+        for far, lasting in ((0.2, ()), (1.5, ()), (0.2, strayed))
+    )
+    said = once_fitted(like, strays)
+    assert said.kind == "partly" and said.brush is like.brush
+    assert said.sentence == (
+        "It moves like the film in polarization, milling, nearest neighbour and speeds; fitted to all frames, not in "
+        "milling after 20 s alone."
+    )
+    assert once_fitted(like, partly).sentence.endswith("and speeds; fitted to all frames, not in polarization.")
+    assert once_fitted(like, like) is like and once_fitted(partly, strays) is partly
+
+
+def test_of_what_changes_in_a_clip_half_is_excused_after_it(clip):
+    battery, limits = Battery.of(clip), []
+    n = len(battery.series.rows["polarization"])
+    third, rising = n // 3, np.linspace(0.0, 0.9, n)[:, None]
+    for values in (np.full((n, 1), 0.45), rising):
+        series = replace(battery.series, rows={**battery.series.rows, "polarization": values})
+        row_beside = BatteryRow("polarization", 0.5, 0.5, 0.0, 0.1)
+        limits.append(after_long(replace(battery, series=series), [row_beside], [battery.series])[0].limit)
+    change = rising[-third:].mean() - rising[:third].mean()
+    assert limits[1] - limits[0] == pytest.approx(0.5 * change)
 
 
 def test_nothing_is_told_by_a_clip_whose_animals_are_taken_for_ground(clip):
