@@ -323,7 +323,7 @@ class EditedMap(MapObjects):
     @do.register
     def _(self, command: PlaceGoal):
         properties = {"radius": command.radius, "on_arrive": command.on_arrive, "next": command.next}
-        existing = self.known(command.id, "Goal")
+        existing = self.find(command.id, "Goal")
         shape, points = "point", None if command.x is None else np.array([(command.x, command.y)])
         if existing is not None and existing[0].get("name") != command.name:
             self.need_unnamed(existing[0].get("name"))

@@ -57,13 +57,16 @@ class MapObjects:
     def draw(self, number, cls, name, shape, points, properties, at=-1):
         """Add an object, or change the one with this id: its outline only if it is another; points None: as it is.
 
-        A new one becomes number ``at`` of its class, or stands behind all others.
+        A new one becomes number ``at`` of its class, or stands behind all others.  It has all defaults that the
+        properties do not tell, also where one with its id was taken out.
         """
         if not number:
             raise EditError(f"{cls.lower()} {name!r} has no id, so no level file can hold it")
         existing = self.known(number, cls)
-        if existing is None and points is None:
-            raise EditError(f"the level has no {cls} with id {number}")
+        if self.find(number, cls) is None:
+            if points is None:
+                raise EditError(f"the level has no {cls} with id {number}")
+            properties = {p.name: p.default for p in CLASSES[cls].properties if not p.required} | properties
         if existing is None:
             node, dx, dy = self.object_layer(cls)
             version = str(self.data.get("version", ""))

@@ -32,7 +32,7 @@ given_by_keys = st.one_of(
 edits = st.one_of(
     st.builds(PlaceGoal, st.integers(11, 13), names, metres, metres, points=st.sampled_from([None, []]), at=first),
     st.builds(PlaceGoal, st.integers(11, 13), names, st.none(), st.none(), points=st.none() | areas, at=first),
-    st.builds(AddObstacle, names, areas, id=st.integers(21, 23), z_min=st.sampled_from([0.0, 3.0]), at=first),
+    st.builds(AddObstacle, names, areas, id=st.integers(21, 23), z_min=st.sampled_from([None, 0.0, 3.0]), at=first),
     st.builds(
         lambda number, given, x, at: PlaceKey(number, "cue", 1.0, *given, x, 3.0, at),
         st.integers(31, 33), given_by_keys, metres, first,
@@ -62,13 +62,42 @@ def test_a_run_that_is_edited_at_its_start_is_that_of_the_saved_level(commands):
         assert ours == others
 
 
+BOX = [[2.0, 2.0], [9.0, 2.0], [9.0, 9.0]]
+HULL = {"shape": "hull", "corners": [[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [0.0, 2.0, 0.1], [0.3, 0.0, 5.0]]}
+REMOVED = {
+    "an obstacle in the air": (
+        "obstacle",
+        AddObstacle("a", BOX, id=21, z_min=3.0, z_max=5.0),
+        AddObstacle("a", BOX, id=21),
+    ),
+    "a hull": ("obstacle", AddObstacle("a", BOX, id=21, **HULL), AddObstacle("a", BOX, id=21)),
+    "an area goal": ("goal", PlaceGoal(21, "a", None, None, points=BOX), PlaceGoal(21, "a", 3.0, 4.0)),
+}
+
+
+@pytest.mark.parametrize(("kind", "first", "again"), REMOVED.values(), ids=REMOVED)
+def test_what_is_not_told_of_a_thing_that_was_removed_is_as_in_a_new_one(kind, first, again):
+    edit, new = editor(tiles(), objects("spawns", herd())), editor(tiles(), objects("spawns", herd()))
+    run, backs = build(read(edit)), []
+    for command in (first, RemoveThing(kind, 21), again):
+        backs.append(run.world.resource(Commands).perform(run.world, [command]))
+        done(edit, command)
+    runs = run, build(read(edit)), build(read(done(new, again)))
+    ours, *others = ([list(things) for things in plain_things(one)] for one in runs)
+    assert all(ours == other for other in others)
+    for back in reversed(backs[1:]):
+        run.world.resource(Commands).perform(run.world, back)
+        edit.undo()
+    assert list(plain_things(run)) == list(plain_things(build(read(edit))))
+
+
 def plain_things(simulation):
     """All that is edited above, as it can be compared."""
     land, spawns = simulation.world.resource(Landscape), simulation.world.resource(Nursery).spawns
     waiting, order = simulation.world.resource(Commands).waiting, [key.id for key in land.marks.keys]
     yield [(goal.id, goal.name, rounded(goal.xy), rounded(goal.polygon)) for goal in land.goals]
     yield simulation.agents[Destination.goal].tolist()
-    yield [(thing.id, thing.name, thing.z_min, rounded(thing.polygon)) for thing in land.obstacles]
+    yield [(o.id, o.name, o.z_min, o.z_max, o.shape, rounded(o.corners), rounded(o.polygon)) for o in land.obstacles]
     yield sorted(waiting, key=lambda entry: order.index(entry[2]))
     yield [(spawn.id, spawn.heading, spawn.speed, spawn.body_length) for spawn in spawns]
 
