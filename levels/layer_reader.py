@@ -261,3 +261,10 @@ def plain_name(name):
 def kind_of(name):
     """Which of our layers this is; None for another."""
     return next((k for k in schema.LAYER_NAMES if plain_name(name).startswith(k)), None)
+
+
+def class_at_home(thing, kind):
+    """The class of an object without one in a layer of this kind; None where the layer does not tell."""
+    if kind == "measure":
+        return "Line" if "polyline" in thing else "Area"
+    return schema.HOMES.get(kind)

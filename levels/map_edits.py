@@ -179,18 +179,15 @@ class EditedMap(MapObjects):
         self._insert_layer(node, 0 if layer == "surface" else last + 1)
         return node
 
-    def object_layer(self, cls):
-        """(layer, dx, dy) where objects of a class are at home; added if there is none."""
-        home = CLASSES[cls].home
-        for node, dx, dy, _ in self.layers():
-            if node.get("type") == "objectgroup" and kind_of(node.get("name", "")) == home:
-                return node, dx, dy
+    def add_object_layer(self, cls):
+        """A new layer for the objects of a class, above all others."""
         node = {
-            "color": CLASSES[cls].colour, "draworder": "topdown", "id": self._next("nextlayerid"), "name": home,
-            "objects": [], "opacity": 1, "type": "objectgroup", "visible": True, "x": 0, "y": 0,
+            "color": CLASSES[cls].colour, "draworder": "topdown", "id": self._next("nextlayerid"),
+            "name": CLASSES[cls].home, "objects": [], "opacity": 1, "type": "objectgroup", "visible": True,
+            "x": 0, "y": 0,
         }  # fmt: skip
         self._insert_layer(node, len(self.home["layers"]))
-        return node, 0.0, 0.0
+        return node
 
     def _insert_layer(self, node, at):
         nodes = self.home["layers"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flockbrush.levels.document_changes import EditError
 from flockbrush.levels.document_nodes import is_class, values_of
-from flockbrush.levels.layer_reader import is_own, kind_of
+from flockbrush.levels.layer_reader import class_at_home, is_own, kind_of
 from flockbrush.levels.object_outlines import outline_of, reshape, shape_as
 from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.tiled import project_member
@@ -46,9 +46,7 @@ class MapObjects:
 
     def class_of(self, thing, node):
         """The class of an object, its own or its layer's."""
-        home = kind_of(node.get("name", ""))
-        own = thing.get("class") or thing.get("type")
-        return own or next((c.name for c in CLASSES.values() if c.use == "object" and c.home == home), "")
+        return thing.get("class") or thing.get("type") or class_at_home(thing, kind_of(node.get("name", ""))) or ""
 
     def outline(self, thing, dx, dy):
         """("area" | "line" | "point", (k, 2) m) of an object."""
@@ -62,24 +60,38 @@ class MapObjects:
         """
         if not number:
             raise EditError(f"{cls.lower()} {name!r} has no id, so no level file can hold it")
-        existing = self.known(number, cls)
-        if self.find(number, cls) is None:
+        existing, there = self.known(number, cls), self.find(number, cls)
+        if there is None:
             if points is None:
                 raise EditError(f"the level has no {cls} with id {number}")
             properties = {p.name: p.default for p in CLASSES[cls].properties if not p.required} | properties
+            node, dx, dy, following = self._place_of_new(cls, at, existing)
+        else:
+            _, node, dx, dy = there
+            following = None
+        named = "class" if str(self.data.get("version", "")) == "1.9" else "type"
         if existing is None:
-            node, dx, dy = self.object_layer(cls)
-            version = str(self.data.get("version", ""))
-            thing: dict = {"class" if version == "1.9" else "type": cls}
-            thing |= {"height": 0, "id": number, "name": name, "rotation": 0, "visible": True, "width": 0}
+            thing: dict = {
+                named: cls,
+                "height": 0,
+                "id": number,
+                "name": name,
+                "rotation": 0,
+                "visible": True,
+                "width": 0,
+            }
             shape_as(self.document, thing, shape, points, dx, dy)
         else:
-            old, node, dx, dy = existing
+            old, _, east, south = existing
             thing = {**old, "name": name}
+            if self.class_of(thing, node) != cls:  # its layer told
+                thing[named] = cls
+            if (east, south) != (dx, dy):
+                thing |= {"x": thing.get("x", 0) + east - dx, "y": thing.get("y", 0) + south - dy}
             if points is not None:
                 reshape(self.document, thing, self.outline(thing, dx, dy), shape, points, dx, dy)
         self._tell(thing, CLASSES[cls], properties)
-        self._replace(node, number, thing, cls, at)
+        self._replace(node, number, thing, following)
         if number >= self.data.get("nextobjectid", 0):
             self.set(self.data, "nextobjectid", number + 1)
 
@@ -114,16 +126,33 @@ class MapObjects:
         """The name of the goal with this id."""
         return next((o.get("name") or f"goal {number}" for o, *_ in self.objects() if o.get("id") == number), "")
 
-    def _replace(self, node, number, thing, cls, at):
-        """Put an object in the place of the one with its id; where there is none, before number ``at`` of its class."""
+    def _place_of_new(self, cls, at, once):
+        """(layer, dx, dy, the object that comes next there or None) of what becomes number ``at`` of its class.
+
+        In the layer where it was ``once``, as `known` tells, or one for its class, unless the order of the level, which
+        is that of its layers, wants another.
+        """
+        same = [entry for entry in self.objects() if self.class_of(*entry[:2]) == cls]
+        at = at if 0 <= at < len(same) else len(same)
+        layers = [entry[:3] for entry in self.layers() if entry[0].get("type") == "objectgroup"]
+        rank = {id(node): k for k, (node, _, _) in enumerate(layers)}
+        first = rank[id(same[at - 1][1])] if at else 0
+        end = rank[id(same[at][1])] + 1 if at < len(same) else len(layers)
+        between = layers[first:end]
+        fit = [entry for entry in between if once is not None and entry[0] is once[1]]
+        fit += [entry for entry in between if kind_of(entry[0].get("name", "")) == CLASSES[cls].home]
+        fit += [entry[1:] for entry in same[max(at - 1, 0) :]]
+        node, dx, dy = fit[0] if fit else (self.add_object_layer(cls), 0.0, 0.0)
+        return node, dx, dy, next((o for o, layer, *_ in same[at:] if layer is node), None)
+
+    def _replace(self, node, number, thing, following):
+        """Put an object in the place of the one with its id; where there is none, before another, None: at the end."""
         objects = node.get("objects", [])
         here = next((k for k, o in enumerate(objects) if o.get("id") == number), None)
         if here is not None:
             self.set(node, "objects", [*objects[:here], thing, *objects[here + 1 :]])
             return
-        same = [(o, layer) for o, layer, *_ in self.objects() if at >= 0 and self.class_of(o, layer) == cls]
-        after = [id(o) for o, layer in same[at:] if layer is node]
-        here = next((k for k, o in enumerate(objects) if id(o) in after), len(objects))
+        here = next((k for k, o in enumerate(objects) if o is following), len(objects))
         self.set(node, "objects", [*objects[:here], thing, *objects[here:]])
 
     def drop(self, number, cls):

@@ -9,10 +9,10 @@ from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.solids import polyhedron
 from flockbrush.levels import geometry
 from flockbrush.levels.checked_nodes import class_of, real, text, whole
+from flockbrush.levels.layer_reader import class_at_home
 from flockbrush.levels.properties import read_properties
 from flockbrush.levels.schema import (
     CLASSES,
-    HOMES,
     Area,
     Exit,
     Goal,
@@ -95,13 +95,11 @@ class ObjectReader:
             return None
         if cls:
             place.say(f"there is no class {cls[:60]!r}{did_you_mean(cls, OBJECT_CLASSES)}")
-        elif kind in HOMES:
-            return HOMES[kind]
-        elif kind == "measure":
-            return "Line" if "polyline" in node else "Area"
-        else:
+            return None
+        at_home = class_at_home(node, kind)
+        if at_home is None:
             place.say(f"has no class; set one of {', '.join(OBJECT_CLASSES)}")
-        return None
+        return at_home
 
     def takes(self, cls, shape, place):
         """Whether this class may have this shape."""

@@ -15,7 +15,7 @@ from flockbrush.systems.edits import MarkSpawn, PlaceGoal, RemoveThing, as_comma
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.leaders import Steer  # noqa: F401
 from flockbrush.systems.life import Nursery
-from flockbrush.systems.mark_commands import PlaceKey
+from flockbrush.systems.mark_commands import DrawArea, PlaceKey
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_level import herd, objects, properties, thing, tiles
@@ -89,6 +89,50 @@ def test_what_is_not_told_of_a_thing_that_was_removed_is_as_in_a_new_one(kind, f
         run.world.resource(Commands).perform(run.world, back)
         edit.undo()
     assert list(plain_things(run)) == list(plain_things(build(read(edit))))
+
+
+def two_layers():
+    """A level with goals, and areas without a class, in two layers each; those of the second layers are shifted."""
+    point = {"point": True}
+    goals = [thing(n, "Goal", 16 * n, 16, name=f"goal {n}", extra=point | {"type": ""}) for n in (2, 3, 4)]
+    yards = [thing(n, "", 16, 16, 32, 32, f"yard {n}") for n in (5, 6)]
+    return editor(
+        tiles(), objects("spawns", herd()),
+        objects("goals", *goals[:2]), objects("measure", yards[0]),
+        objects("goals 2", goals[2], offsetx=8, offsety=4), objects("measure 2", yards[1], offsetx=8),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("commands", "order"),
+    [
+        ([PlaceGoal(9, "new", 4.0, 5.0)], [2, 3, 4, 9]),
+        ([PlaceGoal(9, "new", 4.0, 5.0, at=2)], [2, 3, 9, 4]),
+        ([PlaceGoal(9, "new", 4.0, 5.0, at=0)], [9, 2, 3, 4]),
+        ([RemoveThing("goal", 2), PlaceGoal(2, "goal 2", 4.0, 5.0)], [3, 4, 2]),
+        ([RemoveThing("goal", 4), PlaceGoal(4, "goal 4", 4.0, 5.0, at=0)], [4, 2, 3]),
+        ([RemoveThing("goal", 4), PlaceGoal(4, "goal 4", 4.0, 5.0)], [2, 3, 4]),
+        ([PlaceGoal(2, "goal 2", 4.0, 5.0)], [2, 3, 4]),
+        ([DrawArea(9, "new", BOX)], [5, 6, 9]),
+        ([DrawArea(6, "yard 6", BOX)], [5, 6]),
+        ([RemoveThing("area", 5), DrawArea(5, "yard 5", BOX)], [6, 5]),
+    ],
+)
+def test_what_is_drawn_has_its_place_in_the_order_of_the_level_whatever_layers_there_are(commands, order):
+    edit = two_layers()
+    start, run = edit.text(), build(read(edit))
+    for command in commands:
+        run.world.resource(Commands).perform(run.world, [command])
+        done(edit, command)
+    land, saved = run.world.resource(Landscape), read(edit)
+    goals = isinstance(commands[-1], PlaceGoal)
+    ours, theirs = (land.goals, saved.goals) if goals else (land.marks.areas, saved.areas)
+    assert [thing.id for thing in ours] == [thing.id for thing in theirs] == order
+    for mine, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(*(t.xy if goals else t.polygon for t in (mine, other)), atol=1e-6)
+    for _ in commands:
+        edit.undo()
+    assert edit.text() == start
 
 
 def plain_things(simulation):
