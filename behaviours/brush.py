@@ -179,6 +179,22 @@ def can_move(species: Any, brush: Brush) -> bool:
     return species.can("fly") if flies_free(brush) else species.can("walk") or species.can("swim")
 
 
+def cannot_move(name: str, species: Any, brush: Brush) -> str:
+    """A sentence why a species of this name cannot move as a brush does; "" when it can."""
+    if can_move(species, brush):
+        return ""
+    needs = "flies" if flies_free(brush) else "walks or swims"
+    return f"species {name!r} cannot use brush {brush.name!r}, which {needs}: its media are {', '.join(species.media)}"
+
+
+def cannot_rise(spawn: Any, species: Any, brush: Brush) -> str:
+    """A sentence why the animals of a spawn cannot begin above the ground; "" when they can, or do not."""
+    flies = species is None or species.can("fly") or flies_free(brush)
+    if flies or not (spawn.altitude or spawn.depth):
+        return ""
+    return f"species {spawn.species!r} does not fly; altitude and depth must be 0"
+
+
 def _drives() -> Mapping[str, Any]:
     from flockbrush.behaviours.drive import drives  # here: finding the drives imports them all
 

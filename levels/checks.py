@@ -7,7 +7,7 @@ from collections import defaultdict
 from dataclasses import MISSING, fields
 
 import numpy as np
-from flockbrush.behaviours.brush import can_move, flies_free
+from flockbrush.behaviours.brush import cannot_move, cannot_rise
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.engine import limits
 from flockbrush.engine.commands import commands, places_of
@@ -151,15 +151,13 @@ class _Checks:
         states = {} if followed is None else followed.states
         uses = [(f"program {spawn.program!r}, state {name!r}: ", state.brush) for name, state in states.items()]
         for where, name in [("", spawn.brush), *uses]:
-            if name in self.library.names() and not can_move(species, self.library.get(name)):
-                needs = "flies" if flies_free(self.library.get(name)) else "walks or swims"
-                media = ", ".join(species.media)
-                self.place(spawn).say(
-                    f"{where}species {spawn.species!r} cannot use brush {name!r}, which {needs}: its media are {media}"
-                )
+            why = cannot_move(spawn.species, species, self.library.get(name)) if name in self.library.names() else ""
+            if why:
+                self.place(spawn).say(where + why)
                 return
-        if not flies_free(brush) and not species.can("fly") and (spawn.altitude or spawn.depth):
-            self.place(spawn).say(f"species {spawn.species!r} does not fly; altitude and depth must be 0")
+        why = cannot_rise(spawn, species, brush)
+        if why:
+            self.place(spawn).say(why)
 
     def bounds(self):
         """Whom zones and layers bind must be a species or a tag of one."""

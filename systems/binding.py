@@ -21,6 +21,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from flockbrush.behaviours.brush import cannot_move
 from flockbrush.behaviours.mixture import STEPS
 from flockbrush.components.agent import LANDING, SETTLED, TAKING_OFF
 from flockbrush.engine.maths import inner_kernel
@@ -149,12 +150,7 @@ def cannot(palette, fauna, brush, species):
     """A sentence why a species (by name) cannot use a brush (by name); "" when it can."""
     if species not in fauna.names:
         return ""
-    index, kind = palette.named(brush), fauna.names.index(species)
-    if can_do(palette, fauna.table)[index, kind]:
-        return ""
-    asset = fauna.assets[kind]
-    needs = "flies" if palette.flies_free[index] else "walks or swims"
-    return f"species {species!r} cannot use brush {brush!r}, which {needs}: its media are {', '.join(asset.media)}"
+    return cannot_move(species, fauna.assets[fauna.names.index(species)], palette.brushes[palette.named(brush)])
 
 
 def binds_nobody(palette, fauna, brush, species, aloft):

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from flockbrush.behaviours.brush import cannot_rise
 from flockbrush.components import Destination
 from flockbrush.components.level_things import Exit, Goal, Guide, Spawn, degrees_text, properties_of, radians_of
 from flockbrush.engine.clock import Clock
@@ -272,10 +273,12 @@ class MarkSpawn(OfThing):
     family_size: int = 0  # animals of a family; 0: no families
 
     def check(self, world):
-        land = world.resource(Landscape)
+        land, palette = world.resource(Landscape), world.resource(Palette)
         check_id(self)
-        world.resource(Palette).named(self.brush, own=True)
+        brush = palette.brushes[palette.named(self.brush, own=True)]
         check_can_come(world, self.species, self.brush, self.program)
+        why = cannot_rise(self, world.resource(SpeciesList).library.find(self.species), brush)
+        need(not why, why)
         need(0 <= self.count <= MOST, f"count must be 0 to {MOST}, got {self.count}")
         need(self.count or self.rate, "count must be at least 1, got 0")
         check_bounds(self, Spawn, ("formation", "start", "rate", "altitude", "depth", "family_size"))

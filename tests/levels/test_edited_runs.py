@@ -1,6 +1,6 @@
 """A run that is edited is that of the saved level, and what script keys a level's file can hold."""
 
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +8,7 @@ import pytest
 from edited_level import done, editor, read
 from flockbrush.components import Destination
 from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.build import build
 from flockbrush.levels.editor import EditError
 from flockbrush.systems.commands import AddObstacle
@@ -164,6 +165,29 @@ def test_a_spawn_of_the_run_is_that_of_the_saved_level_to_the_bit(heading):
             again = as_command(simulation.world, "spawn", 7)
             simulation.world.resource(Commands).perform(simulation.world, [again])
             assert simulation.world.resource(Nursery).spawns[-1].heading == ours.heading
+
+
+@pytest.mark.parametrize(
+    ("species", "brush", "more", "reason"),
+    [
+        ("sheep", "march", {"altitude": 3.0}, "species 'sheep' does not fly; altitude and depth must be 0"),
+        ("sheep", "march", {"depth": 2.0, "start": 9.0}, "species 'sheep' does not fly; altitude and depth must be 0"),
+        ("sheep", "geese", {}, "species 'sheep' cannot use brush 'geese', which flies: its media are walk"),
+        ("goose", "march", {"altitude": 3.0}, ""),
+        ("unheard-of", "march", {"altitude": 3.0}, ""),
+    ],
+)
+def test_a_spawn_is_refused_in_the_run_with_the_words_of_the_reader(species, brush, more, reason):
+    edit = editor(
+        tiles(), objects("spawns", herd(), thing(2, "Spawn", 64, 128, 16, 16, "geese", brush="geese", count=1))
+    )
+    run = build(read(edit))
+    mark = MarkSpawn(7, "pen", [[12.0, 2.0], [18.0, 2.0], [18.0, 5.0]], brush, species, 1, **more)
+    done(edit, mark)
+    with pytest.raises(CommandError, match=f": {reason}$") if reason else nullcontext():
+        run.world.resource(Commands).perform(run.world, [mark])
+    with pytest.raises(ProblemsError, match=f": {reason}$") if reason else nullcontext():
+        read(edit)
 
 
 def key(command, **args):
