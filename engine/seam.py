@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from flockbrush.engine.maths import kernel_function
 
@@ -14,6 +16,11 @@ def short_way(offset, wrap):
     if wrap is None or not wrap[0]:
         return offset
     return offset - np.multiply(wrap, np.floor(offset / np.array(wrap) + 0.5))
+
+
+def wrap_of(level):
+    """The size (width, height) m of a level, or of what is drawn as one, that goes on at its borders; else None."""
+    return (level.width, level.height) if getattr(level, "boundary", "open") == "wrap" else None
 
 
 _WAYS = np.array([(0, 0), *((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)])
@@ -30,6 +37,18 @@ def images(points, wrap, reach=0.0):
     here = ((points.min(0) - reach + ways < wrap) & (points.max(0) + reach + ways > 0)).all(axis=1)
     here[0] = True
     return ways[here]
+
+
+def with_images(things, wrap, outline="polygon", reach=None):
+    """[(thing, way)] of dataclass objects, and of their copies on the other sides of the map that reach into it.
+
+    A copy is moved by its way, (x, y) m, that of the thing itself is (0, 0).  ``outline`` and ``reach`` name the fields
+    with the points (n, 2) and with how far beyond them it reaches, m.
+    """
+    ways = ((one, way) for one in things for way in images(getattr(one, outline), wrap, getattr(one, reach or "", 0.0)))
+    return [
+        (replace(one, **{outline: getattr(one, outline) + way}) if any(way) else one, tuple(way)) for one, way in ways
+    ]
 
 
 @kernel_function

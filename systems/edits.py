@@ -24,9 +24,8 @@ from flockbrush.systems.life import Nursery, spawn_animals
 from flockbrush.systems.obstacle_commands import (
     AddObstacle,
     RemoveObstacle,
-    around,
-    box_of,
-    by_id,
+    box_drawn,
+    box_of_thing,
     line_of,
     polygon_of,
     put_thing,
@@ -240,7 +239,8 @@ class PlaceExit(OfOutline):
     kind, what, makes = "exit", "an exit", Exit
 
     def ground_box(self, world):
-        return _thing_box(world.resource(Landscape).exits, self.id, self.outline())
+        land = world.resource(Landscape)
+        return box_of_thing(land, land.exits, self.id, self.outline())
 
 
 @command
@@ -292,7 +292,8 @@ class MarkSpawn(OfThing):
         need(inside, f"the spawn reaches off the map, which is {land.width:g} x {land.height:g} m")
 
     def ground_box(self, world):
-        return _thing_box(world.resource(Nursery).spawns, self.id, polygon_of(self.points, "a spawn"))
+        spawns = world.resource(Nursery).spawns
+        return box_of_thing(world.resource(Landscape), spawns, self.id, polygon_of(self.points, "a spawn"))
 
     def due(self, nursery):
         """How many are born when it is drawn."""
@@ -377,7 +378,9 @@ class RemoveThing(OfThing):
         if self.kind not in ("obstacle", "exit", "spawn"):
             return "all"
         index = self.there(world)
-        return None if index is None else box_of(_things(world, self.kind, self.id)[index].polygon)
+        if index is None:
+            return None
+        return box_drawn(world.resource(Landscape), _things(world, self.kind, self.id)[index].polygon)
 
     def touches(self, world):
         if self.kind == "obstacle":
@@ -456,12 +459,6 @@ KINDS |= {
     "exit": ThingKind(("exits",), _place_exit, away_by_id("exit")),
     "spawn": ThingKind(("spawns",), _mark_spawn, away_by_id("spawn")),
 }
-
-
-def _thing_box(things, number, points):
-    index = by_id(things, number)
-    box = box_of(points)
-    return box if index is None else around(box, box_of(things[index].polygon))
 
 
 def settings_of(thing, kind):

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-from flockbrush.engine.seam import images
+from flockbrush.engine.seam import with_images
 
 
 def outline_edges(mask):
@@ -38,14 +36,7 @@ def solid_images(obstacles, wrap):
 
     None is a map without a seam.
     """
-    solid = [obstacle for obstacle in obstacles if obstacle.solid]
-    if wrap is None:
-        return solid
-    return [
-        replace(obstacle, polygon=obstacle.polygon + way)
-        for obstacle in solid
-        for way in images(obstacle.polygon, wrap, obstacle.margin)
-    ]
+    return [image for image, _ in with_images([one for one in obstacles if one.solid], wrap, reach="margin")]
 
 
 def across_seam(edges, owner, wrap, reach):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from flockbrush.components.level_things import ENUMS, Exit, Goal, Guide, Obstacle, as_before
+from flockbrush.engine.seam import wrap_of
 from flockbrush.engine.solids import Solids
 from flockbrush.systems.binding import Sheets
 from flockbrush.systems.fauna import STEEPEST
@@ -138,7 +139,7 @@ class Landscape:
     @property
     def wrap(self):
         """(width, height) of a periodic map, or None."""
-        return (self.width, self.height) if self.boundary == "wrap" else None
+        return wrap_of(self)
 
     @property
     def bounds(self):

@@ -11,6 +11,7 @@ from flockbrush.components.level_things import Obstacle
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import command
 from flockbrush.engine.problems import did_you_mean
+from flockbrush.engine.seam import images
 from flockbrush.engine.solids import polyhedron
 from flockbrush.systems.ground_edges import solid_images
 from flockbrush.systems.landscape import SHAPES, Glide, Landscape
@@ -103,8 +104,7 @@ class AddObstacle:
 
     def ground_box(self, world):
         land = world.resource(Landscape)
-        box, index = box_of(self.polygon(land)), by_id(land.obstacles, self.id)
-        return box if index is None else around(box, box_of(land.obstacles[index].polygon))
+        return box_of_thing(land, land.obstacles, self.id, self.polygon(land))
 
     def touches(self, world):
         land = world.resource(Landscape)
@@ -164,10 +164,16 @@ def box_of(points):
     return (*points.min(0).tolist(), *points.max(0).tolist())
 
 
-def around(*boxes):
-    """The box around boxes."""
-    sides = np.array(boxes)
-    return (*sides[:, :2].min(0).tolist(), *sides[:, 2:].max(0).tolist())
+def box_drawn(land, *polygons):
+    """Where polygons (k, 2) m are drawn: the box around them, or "all" where one goes on at another border."""
+    over = any(len(images(polygon, land.wrap)) > 1 for polygon in polygons)
+    return "all" if over else box_of(np.concatenate(polygons))
+
+
+def box_of_thing(land, things, number, polygon):
+    """Where a thing is drawn that gets an outline, and where the one that has its id is."""
+    index = by_id(things, number)
+    return box_drawn(land, polygon, *([] if index is None else [things[index].polygon]))
 
 
 def by_id(things, number):
@@ -214,8 +220,8 @@ class RemoveObstacle:
         return [self.at] if self.at in rows else rows
 
     def ground_box(self, world):
-        things = world.resource(Landscape).obstacles
-        return around(*(box_of(things[k].polygon) for k in self.gone(world)))
+        land = world.resource(Landscape)
+        return box_drawn(land, *(land.obstacles[k].polygon for k in self.gone(world)))
 
     def touches(self, world):
         return [TouchedThings("obstacle"), *halted(world.resource(Landscape), self.gone(world))]

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flockbrush.engine.seam import with_images, wrap_of
 from flockbrush.output.scene_meshes import SceneMeshes
 from flockbrush.render.solid_meshes import Faces
 
@@ -21,13 +22,13 @@ class SolidKey(NamedTuple):
 
 
 class MovingSolid:
-    """An obstacle with its faces, as it was when it was first there."""
+    """An obstacle, or its copy at another border, with its faces, as it was when it was first there."""
 
-    def __init__(self, thing, name, faces, lit, first):
+    def __init__(self, thing, copy, name, faces, lit, first):
         # lit: (m, 3); colours of the faces in the sun, 0 to 255
         self.thing, self.name, self.faces, self.lit = thing, name, faces, lit
         self.keys = [SolidKey(0, first == 0, (0.0, 0.0, 0.0))]  # of Key; one for an obstacle that never moves
-        self.outline = _outline(thing)
+        self.outline = _outline(copy)
         if first > 0:
             self.keys += [SolidKey(first - 1, False, (0.0, 0.0, 0.0))] * (first > 1)
             self.keys.append(SolidKey(first, True, (0.0, 0.0, 0.0)))
@@ -51,39 +52,45 @@ class MovingSolids:
         self.place, self.frame = place, 0
         self.solids: list[MovingSolid] = []
         self.tall = place.wall()
-        self._known: dict[int, MovingSolid] = {}
-        for thing in place.scenery.obstacles:
-            self._add(thing)
+        self._known: dict[tuple, MovingSolid] = {}
+        for key, (thing, copy) in self._here().items():
+            self._add(key, thing, copy)
+
+    def _here(self):
+        """{(id of an obstacle, way): (it, it or its copy at another border)} of what is on the map now."""
+        things, wrap = self.place.scenery.obstacles, wrap_of(self.place.level)
+        return {(id(one), way): (one, copy) for one in things for copy, way in with_images([one], wrap)}
 
     def take(self) -> list[tuple[MovingSolid, list[SolidKey]]]:
         """Look at them for the next frame; what is new: (obstacle, its new keys)."""
-        here, news = {id(thing): thing for thing in self.place.scenery.obstacles}, []
-        for thing in here.values():
-            if id(thing) not in self._known:
-                solid = self._add(thing)
+        here, news = self._here(), []
+        for key, (thing, copy) in here.items():
+            if key not in self._known:
+                solid = self._add(key, thing, copy)
                 if solid.moves:
                     news.append((solid, list(solid.keys)))
-        for solid in self.solids:
+        for key, solid in self._known.items():
             count = len(solid.keys)
-            self._follow(solid, id(solid.thing) in here)
+            self._follow(solid, here.get(key, (None, None))[1])
             if len(solid.keys) > count:
                 news.append((solid, solid.keys[count:]))
         self.frame += 1
         return news
 
-    def _add(self, thing):
-        faces, lit = self.place.faces_of_thing(thing, self.tall)
+    def _add(self, key, thing, copy):
+        faces, lit = self.place.faces_of_thing(copy, self.tall)
         name = getattr(thing, "name", "") or f"obstacle_{len(self.solids)}"
-        solid = MovingSolid(thing, name, faces, lit, self.frame)
-        self._known[id(thing)] = solid
+        solid = MovingSolid(thing, copy, name, faces, lit, self.frame)
+        self._known[key] = solid
         self.solids.append(solid)
         return solid
 
-    def _follow(self, solid, shown):
-        last, offset, outline = solid.keys[-1], solid.keys[-1].offset, _outline(solid.thing)
-        if outline != solid.outline:
-            solid.outline = outline
-            faces: Faces = self.place.faces_of_thing(solid.thing, self.tall)[0]
+    def _follow(self, solid, copy):
+        """Note a key where a solid has another place; None: it is not on the map."""
+        last, offset, shown = solid.keys[-1], solid.keys[-1].offset, copy is not None
+        if shown and _outline(copy) != solid.outline:
+            solid.outline = _outline(copy)
+            faces: Faces = self.place.faces_of_thing(copy, self.tall)[0]
             x, y, z = (faces.corners.mean(axis=(0, 1)) - solid.faces.corners.mean(axis=(0, 1))).tolist()
             offset = (x, y, z)
         if shown == last.shown and np.allclose(offset, last.offset, atol=SAME):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.components import Body
+from flockbrush.engine.seam import with_images, wrap_of
 from flockbrush.levels.geometry import sign_of
 from flockbrush.render import Painter, Scenery
 from flockbrush.render.canvas import smooth
@@ -121,7 +122,7 @@ class SceneMeshes:
 
     def obstacles(self) -> tuple[Faces, np.ndarray]:
         """(faces, colours (m, 3) 0 to 255 in the sun) of what stands there."""
-        return self._faces(list(self.scenery.obstacles))
+        return self._faces([one for one, _ in with_images(self.scenery.obstacles, wrap_of(self.level))])
 
     def wall(self) -> float:
         """How high obstacles are that have been told no height, m."""

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from flockbrush.engine.seam import images
+from flockbrush.engine.seam import with_images, wrap_of
 from flockbrush.levels.geometry import sign_of
 from flockbrush.render.brush_marks import cover as pattern_cover
 from flockbrush.render.brush_marks import ink_of, pattern_of
@@ -18,7 +16,7 @@ from flockbrush.render.style import PALETTE, rgb
 from flockbrush.render.text import words
 
 # of things that reach over borders, the field with their outline
-OUTLINES = {"exits": "polygon", "zones": "polygon", "areas": "polygon", "lines": "points"}
+OUTLINES = {"exits": "polygon", "zones": "polygon", "areas": "polygon", "lines": "points", "obstacles": "polygon"}
 SIGNS = 0.45  # opacity of the patterns of brushes
 SAMPLES = 128  # cells across, of those looked at for the place of a name
 
@@ -58,11 +56,8 @@ class Sketcher(TerrainSketch):
     def of(self, name):
         """A list of the level's objects, empty when the level has none; what reaches over a border goes on there."""
         things, outline = getattr(self.level, name, None) or [], OUTLINES.get(name)
-        if outline is None or getattr(self.level, "boundary", "open") != "wrap":
-            return things
-        wrap = self.level.width, self.level.height
-        ways = ((thing, way) for thing in things for way in images(getattr(thing, outline), wrap))
-        return [replace(thing, **{outline: getattr(thing, outline) + way}) for thing, way in ways]
+        wrap = wrap_of(self.level)
+        return things if outline is None or wrap is None else [one for one, _ in with_images(things, wrap, outline)]
 
     def paint(self, box):
         """Draw everything inside the box anew, but for the names."""

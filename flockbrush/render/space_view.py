@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flockbrush.engine.seam import with_images, wrap_of
 from flockbrush.render.animal_figures import KINDS, NO_WINGS
 from flockbrush.render.body_meshes import SMALLEST, SpaceHerd, draw_bodies, standing
 from flockbrush.render.drawn_herd import EMPTY, DrawnHerd, checked, refuse_nan
@@ -96,6 +97,7 @@ class SpacePainter:
         self._close = None if self.plan is None else close_view(self.plan)
         self._ground, self._near = GroundTexture(), GroundTexture()
         self._stood: tuple = (None, None)
+        self._standing: list = []  # of `faces`
         self._world: tuple = (None, None, None)
         self._sheets = np.empty((*self.size[::-1], 3), np.uint8), np.zeros(self.size[::-1], np.float32)
         self._sheets[0][:] = self.theme.paper
@@ -205,11 +207,12 @@ class SpacePainter:
 
     def faces(self, tall):
         """(faces, colours, obstacle of each) of the obstacles; those without a told height are `tall` m high."""
-        obstacles = list(getattr(self.level, "obstacles", None) or [])
+        obstacles = [o for o, _ in with_images(getattr(self.level, "obstacles", None) or [], wrap_of(self.level))]
         key = (round(tall, 2), tuple(identity_of(o) for o in obstacles))
         if self._stood[0] != key:
             parts = [stood_up(obstacle, tall) for obstacle in obstacles]
             faces, owner = together(parts), np.repeat(np.arange(len(parts)), [len(part.alphas) for part in parts])
+            self._standing = obstacles
             self._stood = (key, (faces, faces.lit(mix(self.theme.obstacle, self.theme.paper, 0.22), SUN), owner))
         return self._stood[1]
 
@@ -372,7 +375,7 @@ class SpacePainter:
             draw_grid(image, clip, cam, self.floor, x, y, self.spacing, GRID * self.spacing, line, 0.75)
         order, alphas = faces.seen(camera), faces.alphas
         if self.see_through and len(owner):
-            alphas = np.minimum(alphas, opacities(self.level.obstacles, camera)[owner])
+            alphas = np.minimum(alphas, opacities(self._standing, camera)[owner])
             order = order[np.argsort(alphas[order] < 1, kind="stable")]
         draw_faces(FrameBuffer(image, depth, clip), cam, faces.corners, order, lit, alphas, haze)
         if not self.bare:

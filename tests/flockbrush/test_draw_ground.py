@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from flockbrush.components.level_things import Exit
+from flockbrush.components.level_things import Exit, Obstacle
 from flockbrush.engine.raster import Raster
 from flockbrush.levels.schema import BrushLayer, PaintBounds
 from flockbrush.systems.palette import Palette
@@ -297,10 +297,12 @@ def test_a_contact_sheet_shows_every_picture():
         contact_sheet([])
 
 
-def test_what_reaches_over_the_border_of_a_periodic_map_is_drawn_on_the_other_side():
+@pytest.mark.parametrize("what", ["exits", "obstacles"])
+def test_what_reaches_over_the_border_of_a_periodic_map_is_drawn_on_the_other_side(what):
     def drawn(boundary, polygon):
         herd = DrawnHerd(np.full((1, 2), 5.0), np.zeros((1, 2)))
-        return Painter(level(exits=[Exit(1, "", polygon)], boundary=boundary), (320, 240), LIGHT).frame(herd)
+        thing = Exit(1, "", polygon) if what == "exits" else Obstacle(1, "", polygon, True, True)
+        return Painter(level(**{what: [thing]}, boundary=boundary), (320, 240), LIGHT).frame(herd)
 
     over, beyond = box(-4, 10, 1, 20), box(36, 10, 41, 20)
     assert np.array_equal(drawn("wrap", over), drawn("wrap", beyond))

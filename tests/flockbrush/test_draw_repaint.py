@@ -5,8 +5,8 @@ import pytest
 from flockbrush.behaviours.brush import shipped
 from flockbrush.levels.build import build
 from flockbrush.levels.reader import read_level
-from flockbrush.systems.commands import AddObstacle, PaintBrush, PaintCap
-from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit
+from flockbrush.systems.commands import AddObstacle, PaintBrush, PaintCap, RemoveObstacle
+from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, RemoveThing
 
 from flockbrush.render import Painter, Scenery
 from flockbrush.render.view_camera import ViewCamera
@@ -63,6 +63,25 @@ def test_a_mended_picture_is_the_one_a_new_drawing_gives(world, name, live, zoom
     new.look(camera)
     assert np.array_equal(old.ground, _whole(new))
     assert not np.array_equal(old.ground, before)
+
+
+def test_what_reaches_over_the_border_of_a_periodic_map_is_mended_on_both_sides(tmp_path):
+    world = build(read_level(pen(tmp_path, boundary="wrap")), library=shipped())
+    stone, way_out = [[-2, 5], [2, 5], [2, 8]], [[20, 29], [24, 29], [24, 32]]
+    steps = [
+        AddObstacle("stone", stone),
+        PlaceExit(91, "out", way_out),
+        RemoveThing("exit", 91),
+        RemoveObstacle("stone"),
+    ]
+    old = painter(world, live=True)
+    _whole(old)
+    for command in steps:
+        box = command.ground_box(world.world)
+        apply(world, command)
+        old.repaint(box)
+        assert np.array_equal(_whole(old), _whole(painter(world, live=True)))
+    world.close()
 
 
 def _whole(painter):

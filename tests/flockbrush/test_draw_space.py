@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from flockbrush.components.level_things import Obstacle
 
 from flockbrush.render import DrawnHerd, Painter, Scenery
 from flockbrush.render.body_meshes import COARSE, attitude_of, standing
@@ -250,6 +251,19 @@ def test_a_pillar_is_as_tall_in_the_picture_as_the_pinhole_says():
     ink = inked(one.frame(NOBODY), bare.frame(NOBODY))[:, 160]
     top = look.pixels((30.0, 29.0, 12.0))[1]
     assert abs(np.flatnonzero(ink).min() - top) <= 1.5
+
+
+def test_a_pillar_on_the_border_of_a_periodic_map_stands_at_the_other_too():
+    look = camera(elevation=20.0, distance=40.0, target=(60, 30, 3.0))
+    here, there = (Obstacle(1, "", pillar(x, 30, 6.0).polygon, True, True, 0.0, 0.0, 6.0, "cylinder") for x in (0, 60))
+    pictures = []
+    for level, wraps in ((field(here), True), (field(there), True), (field(here), False)):
+        level.boundary = "wrap" if wraps else "open"
+        view = painter(level)
+        view.see_through = True
+        view.look(look)
+        pictures.append(view.frame(NOBODY).copy())
+    assert np.array_equal(*pictures[:2]) and not np.array_equal(pictures[0], pictures[2])
 
 
 @pytest.mark.parametrize("shape", ["box", "cylinder", "sphere", "plane"])

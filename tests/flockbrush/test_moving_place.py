@@ -13,6 +13,7 @@ from flockbrush.output.export import Exports
 from flockbrush.output.moving_solids import MovingSolids
 from flockbrush.output.scene_meshes import SceneMeshes
 from flockbrush.runs.run import start
+from tests.flockbrush.pens import pen
 
 FPS = 16
 FRAMES = 33  # two seconds
@@ -45,6 +46,24 @@ def exported(level, shared):
             if tick == 47:
                 simulation.submit(RemoveObstacle("stone"))
     return paths, truth
+
+
+def test_what_reaches_over_a_border_is_there_once_more_at_the_other_while_it_does(tmp_path):
+    simulation = start(pen(tmp_path, sheep=1, script=False, boundary="wrap"))
+    moving, places = MovingSolids(SceneMeshes(simulation)), []
+    for x in (24.0, 0.5, -1.0, 24.0):
+        simulation.submit(MoveObstacle("stone", x, 15.0), simulation.clock.tick)
+        simulation.tick()
+        moving.take()
+        middles = [
+            np.add(solid.faces.corners.mean(axis=(0, 1)), solid.keys[-1].offset)[0].item()
+            for solid in moving.solids if solid.keys[-1].shown
+        ]  # fmt: skip
+        faces, _ = SceneMeshes(simulation).obstacles()
+        assert len(faces.corners) == len(middles) * len(moving.solids[0].faces.corners)
+        places.append(sorted(round(middle, 6) for middle in middles))
+    assert places == [[24.0], [0.5, 40.5], [-1.0, 39.0], [24.0]]
+    simulation.close()
 
 
 def test_the_scene_is_the_one_that_is_meant(exported):

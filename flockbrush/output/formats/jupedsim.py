@@ -6,6 +6,7 @@ import math
 import sqlite3
 
 from flockbrush.output.exporter import Exporter, exporter
+from flockbrush.systems.ground_edges import solid_images
 
 VERSION = 2  # of JuPedSim's schema
 SCHEMA = """
@@ -61,7 +62,8 @@ class Sqlite(Exporter):
 
     def _geometry(self):
         """Hash of the walkable area there is now: a row of the table ``geometry`` for each that is new."""
-        barriers = [o.polygon for o in self._scenery.obstacles if o.solid and o.on_the_ground]
+        land = self._scenery.land
+        barriers = [o.polygon for o in solid_images(land.barriers, land.wrap)]
         outlines = [outline.tobytes() for outline in barriers]
         if outlines != self._outlines:
             self._outlines, area = outlines, walkable(self.simulation, barriers)
