@@ -292,7 +292,7 @@ def region(world, layer, x, y):
     ix, iy = int(np.floor(x / land.cell)), int(np.floor(y / land.cell))
     inside = 0 <= iy < land.brush.shape[0] and 0 <= ix < land.brush.shape[1]
     need(inside, off_the_map(land, f"({x:g}, {y:g})"))
-    return connected(land.kind_at if layer == "surface" else painted(land, layer), iy, ix)
+    return connected(land.kind_at if layer == "surface" else painted(land, layer), iy, ix, land.wrap is not None)
 
 
 def fill(world, layer, x, y, value):

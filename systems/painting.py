@@ -134,9 +134,17 @@ def check_runs(runs, names, shape):
             raise ValueError(f"two runs meet in row {iy}, column {jx}")
 
 
-def connected(values, iy, ix):
-    """(ny, nx) bool: the cells of the same value that hang together with this one, side by side."""
+def connected(values, iy, ix, wraps=False):
+    """(ny, nx) bool: the cells of the same value that hang together with this one, over the borders if it ``wraps``."""
     from scipy.ndimage import label
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
-    parts, _ = label(values == values[iy, ix])
-    return parts == parts[iy, ix]
+    parts, count = label(values == values[iy, ix])
+    if not wraps:
+        return parts == parts[iy, ix]
+    meet = np.concatenate([parts[[0, -1]].T, parts[:, [0, -1]]])  # parts that meet at a border
+    meet = meet[meet.all(axis=1)]
+    pairs = coo_array((np.ones(len(meet), bool), meet.T), (count + 1, count + 1))
+    whole = connected_components(pairs, directed=False)[1][parts]
+    return (parts > 0) & (whole == whole[iy, ix])

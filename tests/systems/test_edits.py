@@ -24,7 +24,7 @@ from flockbrush.systems.edits import (
 )
 from flockbrush.systems.landscape import NATIVE, PATIENCE, Landscape
 from flockbrush.systems.life import Nursery, inside_polygon
-from flockbrush.systems.painting import blended, cells_of, runs_of, stroke_cells
+from flockbrush.systems.painting import blended, cells_of, connected, runs_of, stroke_cells
 from flockbrush.systems.palette import Palette
 from hypothesis import given
 from hypothesis import strategies as st
@@ -131,6 +131,24 @@ def test_a_region_is_filled_to_its_border_and_no_further():
     do(simulation, fill(simulation.world, "brush", 20.0, 20.0, "calm"))
     assert (land_of(simulation).brush == 0).sum() == inside.sum()
     assert (land_of(simulation).brush[inside] == 0).all()
+
+
+def test_a_region_goes_on_over_the_borders_of_a_periodic_map():
+    values = np.array([[0, 1, 0, 0], [1, 1, 1, 1], [0, 1, 1, 0], [0, 1, 0, 1], [0, 0, 1, 0]])
+    zeros, ones = values == 0, values == 1
+    zeros[3, 2] = False  # alone
+    assert (connected(values, 4, 3, True) == zeros).all() and connected(values, 4, 3).sum() == 1
+    ones[[4, 3], [2, 3]] = False
+    assert (connected(values, 3, 1, True) == ones).all()
+    assert connected(np.zeros((3, 3)), 1, 1, True).all()
+
+
+def test_a_fill_goes_on_over_the_border_of_a_map_that_wraps():
+    simulation = scene(boundary="wrap")
+    do(simulation, Paint("brush", "run", 20.0, 0.0, 20.0, 39.0, 0.4))
+    do(simulation, fill(simulation.world, "brush", 5.0, 20.0, "calm"))
+    names = [pick(simulation.world, "brush", x, 20.0) for x in (5.0, 20.0, 35.0)]
+    assert names == ["calm", "run", "calm"]
 
 
 def test_who_stands_where_water_is_painted_steps_out_of_it_at_once():
