@@ -10,6 +10,7 @@ from flockbrush.behaviours.brush import SUFFIX, flies_free
 from flockbrush.behaviours.mixture import can_mix, path_between
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.raster import Raster
+from flockbrush.engine.seam import images, wrap_of
 from flockbrush.levels import geometry
 from flockbrush.levels.properties import is_number
 from flockbrush.levels.terrain_kinds import Terrain
@@ -259,22 +260,31 @@ def _wall_after(level, guide):
     return ""
 
 
+def _everywhere(level, point):
+    """(k, 2) m: a point and, where the map goes on at its borders, all places that it is; first one on the map."""
+    wrap = wrap_of(level)
+    point = point if wrap is None else np.mod(point, wrap)
+    return point + images([point], wrap, np.inf)
+
+
 def _ends_well(level, point):
     """Whether animals arrive or leave here."""
+    points = _everywhere(level, point)
     for goal in level.goals:
-        if np.hypot(*(goal.xy - point)) <= goal.radius:
+        if np.hypot(*(goal.xy - points).T).min() <= goal.radius:
             return True
-        if goal.polygon is not None and geometry.inside(point[None], goal.polygon)[0]:
+        if goal.polygon is not None and geometry.inside(points, goal.polygon).any():
             return True
-    return any(geometry.inside(point[None], exit_.polygon)[0] for exit_ in level.exits)
+    return any(geometry.inside(points, exit_.polygon).any() for exit_ in level.exits)
 
 
 def _wall_at(level, point):
-    x, y = point
+    points = _everywhere(level, point)
+    x, y = points[0]
     if not (0 <= x < level.width and 0 <= y < level.height):
         return "the edge of the map" if level.boundary == "wall" else ""
     for o in level.obstacles:
-        if o.solid and o.on_the_ground and geometry.inside(point[None], o.polygon)[0]:
+        if o.solid and o.on_the_ground and geometry.inside(points, o.polygon).any():
             return f"obstacle {o.name[:60] or o.id!r}"
     if level.terrain is not None and not level.terrain.walkable[int(y / level.cell), int(x / level.cell)]:
         return "ground that no animal walks on"

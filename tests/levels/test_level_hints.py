@@ -182,6 +182,17 @@ class TestGuides:
         document["properties"] = properties(schema="flockbrush-level/1", metres_per_tile=2.0, boundary="open")
         assert warnings(document) == []
 
+    def test_one_that_leaves_a_map_that_wraps_meets_what_is_at_the_other_border(self):
+        rock, over = (thing(3, "Obstacle", x, 64, width, 32, "rock") for x, width in ((0, 16), (-32, 36)))
+        ends = "ends at obstacle 'rock', where animals will jam"
+        for last, stone in (((158, 80), rock), ((150, 80), over), ((170, 80), rock)):
+            document = with_objects("guides", guide((20, 80), last))
+            document["properties"] = properties(schema="flockbrush-level/1", metres_per_tile=2.0, boundary="wrap")
+            document["layers"].append(objects("obstacles", stone))
+            assert [ends in warning for warning in warnings(document)] == [True]
+            for kind, well in (("exits", thing(4, "Exit", -32, 64, 48, 32)), ("goals", goal(4, "pond", 3, 80))):
+                assert warnings({**document, "layers": [*document["layers"], objects(kind, well)]}) == []
+
 
 class TestLayers:
     def test_a_hidden_layer_counts_and_is_named(self):
