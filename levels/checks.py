@@ -242,7 +242,8 @@ class _Checks:
         brushes = [*self.library.names(), *self.brought("name", "UseBrush")]
         for name, known in (("brush", brushes), ("goal", goals), ("species", self.species())):
             value = key.args.get(name)
-            if isinstance(value, str) and value and value not in known:
+            told = name == "brush" and isinstance(value, str) and value.endswith(".toml")  # where the file is read
+            if isinstance(value, str) and value and value not in known and not told:
                 place.say(f"{name}: there is no {name} {value[:60]!r}{did_you_mean(value, known)}", lines.get(name))
 
     def species(self):

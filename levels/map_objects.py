@@ -104,7 +104,7 @@ class MapObjects:
         members = {} if whole is None else dict(whole["value"])
         for name, value in properties.items():
             p = cls.property(name)
-            if p is not None and p.kind == "brush":
+            if p.kind == "brush" if p is not None else name == "brush":
                 value = self.brush_files.get(value, value)
             entry = next((e for e in entries if e["name"] == name), None)
             if name in members:

@@ -263,6 +263,9 @@ class ObjectReader:
         xy = geometry.centroid(points) if kind == "area" else points[0]
         if isinstance(v.others.get("program"), str):
             self.reader.program(v.others["program"], place, v.lines.get("program"))
+        brush = v.others.get("brush")
+        if isinstance(brush, str) and brush.endswith(".toml"):
+            v.others["brush"] = self.reader.brush_file(brush, "", place, v.lines.get("brush"), "brush")
         self.level.script.append(Key(number, name, v["at"], v["command"], dict(v.others), xy, place.line))
         self.key_lines[number] = v.lines
         self.key_shapes[number] = shape

@@ -7,12 +7,16 @@ import numpy as np
 import pytest
 from edited_level import done, small
 from flockbrush.behaviours.brush import shipped
+from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.adopt import adopt
+from flockbrush.levels.build import build
 from flockbrush.levels.document_nodes import file_references
 from flockbrush.levels.editor import Editor
 from flockbrush.levels.level_writer import write_level
+from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level, read_level_text
 from flockbrush.systems.edits import MarkSpawn, Paint, RemoveThing
+from flockbrush.systems.mark_commands import PlaceKey
 from small_level import herd, objects, png, properties, thing, tiles
 
 PICTURE = png(np.full((16, 16, 3), 200, np.uint8))
@@ -147,6 +151,32 @@ def test_what_undo_brings_back_is_copied_too(tmp_path):
     editor.undo()
     editor.save()
     assert read_level(to).zones[0].brush == "own"
+
+
+def test_a_key_may_name_a_brush_as_a_file_and_keeps_it(tmp_path):
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "mine.brush.toml").write_bytes(MARCH)
+    (tmp_path / "own" / "bad.brush.toml").write_text("schema = 1\n")
+
+    def with_key(brush):
+        key = thing(2, "Key", 16, 16, extra={"point": True}, at=1.0, command="SwitchBrush", brush=brush)
+        document = small(tiles(), objects("spawns", herd(count=2)), objects("script", key))
+        return write_level(document, tmp_path / "small.tmj", backup=False)
+
+    path = with_key("own/mine.brush.toml")
+    found = read_level(path)
+    assert found.script[0].args["brush"] == "mine" and "own/mine.brush.toml" in found.files
+    build(found, library=brush_library(path, found.files)).close()
+    edit = Editor.open(path)
+    done(edit, PlaceKey(2, "", 2.0, "SwitchBrush", {"brush": "mine"}, 2.0, 18.0))
+    (tmp_path / "away").mkdir()
+    assert read_level(edit.save(tmp_path / "away" / "small.tmj")).script[0].args["brush"] == "mine"
+    assert '"value":"own\\/mine.brush.toml"' in edit.text()
+    for wrong, told in (("own/none.brush.toml", "brush: "), ("own/bad.brush.toml", "bad.brush.toml:1: schema")):
+        with pytest.raises(ProblemsError) as caught:
+            read_level(with_key(wrong))
+        assert [str(tmp_path) in str(problem) for problem in caught.value.problems if told in str(problem)]
+        assert not any("there is no brush" in str(problem) for problem in caught.value.problems)
 
 
 # the picture of what was painted in the playground -------------------------------------------------------------------
