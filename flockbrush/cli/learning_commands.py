@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 from flockbrush.cli.shared_options import (
     Json,
     TrackFps,
@@ -17,6 +19,7 @@ from flockbrush.cli.shared_options import (
     argument,
     grouped,
     option,
+    told_by_hand,
     unit_of,
     wrong,
 )
@@ -225,6 +228,7 @@ def command_line(name: str, arguments, options: dict) -> str:
 
 @grouped
 def learn(
+    context: typer.Context,
     clips: Annotated[
         list[Path], argument("CLIP", "Clips (videos or tracks) of one herd from above, or one photograph.")
     ],
@@ -255,7 +259,7 @@ def learn(
         LearnOptions(
             clips=clips, out=out, looking=how, jobs=jobs, helpers=helpers, workers=workers, report=report, json=json,
             length_m=look.body_length_m, command=command_line("learn", clips, options),
-            **vars(fit) | {"ablate": without},
+            told=told_by_hand(context), **vars(fit) | {"ablate": without},
         )
     )  # fmt: skip
 

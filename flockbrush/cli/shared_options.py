@@ -156,6 +156,12 @@ def _default(field):
     return inspect.Parameter.empty if field.default is MISSING else field.default
 
 
+def told_by_hand(context: typer.Context) -> frozenset[str]:
+    """Names of the parameters that a command line tells, be it what they are by default."""
+    sources = {name: context.get_parameter_source(name) for name in context.params}
+    return frozenset(name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE")
+
+
 def grouped(command: Callable) -> Callable:
     """The command with each dataclass parameter replaced by options, one for each of its fields."""
     own = inspect.signature(command, eval_str=True)

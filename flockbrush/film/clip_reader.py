@@ -170,7 +170,8 @@ class _Film(FilmReader):
                 self.ended = self.damage
                 return
             if self.number > k:
-                self.ended = f"it is damaged after frame {k - 1}; later frames are ignored"
+                later = f"the {self.length - k} later frames are" if self.length > k + 1 else "later frames are"
+                self.ended = f"it is damaged after frame {k - 1}; {later} ignored"
                 return
             if picture is not True:
                 yield k, self.time, picture

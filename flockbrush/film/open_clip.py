@@ -31,8 +31,9 @@ def look_at(clip, how: Looking, show=None, quiet=False) -> Evidence:
     name = Path(clip).name
     if is_tracks(clip):
         return _look_at_tracks(clip, how, show)
-    if how.unit is not None or how.fps is not None or how.arena is not None:
-        raise refused(clip, "is a video or picture: --unit, --fps and --arena can only be used with tracks")
+    if any(value is not None for value in (how.unit, how.fps, how.arena, how.body_length_m)):
+        options = "--unit, --fps, --body-length-m and --arena"
+        raise refused(clip, f"is a video or picture: {options} can only be used with tracks")
     with progress(f"measuring {name}", 0 if quiet else 100) as bar:
 
         def report(text, done, total):

@@ -14,6 +14,7 @@ from flockbrush.behaviours.brush_writer import brush_to_toml
 from flockbrush.engine.files import held, refused, write_text
 from flockbrush.film.observations import CannotObserve
 from flockbrush.film.open_clip import facts_of, look_at, looked_apart, tell_notes, training_begun
+from flockbrush.film.track_files import is_tracks
 from flockbrush.learning.ablation import ablated
 from flockbrush.learning.comparison import compared
 from flockbrush.learning.folds import ClipFolds, Fold, folds_of, seen_within
@@ -129,7 +130,8 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
 def _looked(clip, wishes) -> ClipFolds:
     """The observations of one clip; if it shows too little, the report says why."""
     try:
-        how = clip, wishes.looking
+        looking = wishes.looking if is_tracks(clip) else replace(wishes.looking, body_length_m=None)  # see `length_m`
+        how = clip, looking
         apart, alone = (wishes.share, not wishes.quick), len(wishes.clips) == 1  # of several clips each is held out
         begun = training_begun(*how, *apart, wishes.helpers) if alone else []
         whole = look_at(*how)
@@ -146,9 +148,6 @@ def _looked(clip, wishes) -> ClipFolds:
     if whole.still:
         check_photo(clip, wishes)
         return ClipFolds(standing(whole, SPEED if wishes.speed is None else wishes.speed))
-    if wishes.speed is not None:
-        told = "--speed was ignored: it is for photographs; the speed of animals in a clip is measured"
-        say(f"{clip}: {words_for(whole)(told)}")
     return ClipFolds(whole, tuple(parts))
 
 

@@ -10,7 +10,9 @@ from pathlib import Path
 from flockbrush.engine.files import output_problems, refused, sha256_of
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.film.looking import Looking
+from flockbrush.film.media import is_picture
 from flockbrush.film.observations import Evidence
+from flockbrush.film.track_files import is_tracks
 from flockbrush.learning.helpers import Helpers
 from flockbrush.learning.herd_views import followed
 from flockbrush.learning.learned_brush import name_of
@@ -18,6 +20,7 @@ from flockbrush.learning.model_choice import AUTO, check_kind
 from flockbrush.learning.regions import Region, regions_of
 from flockbrush.learning.report_folder import folder_problems
 from flockbrush.learning.which_model import HERD
+from flockbrush.learning.words_of_tracks import of_tracks
 from flockbrush.output.figures import drawing_problems
 from flockbrush.runs.cluster import Cluster, Tls
 from flockbrush.runs.terminal import say
@@ -68,10 +71,11 @@ class LearnOptions:
     crew: Cluster | None = None  # `workers`, while they are in use
     helpers: Helpers = field(default_factory=Helpers)  # `jobs`, begun already or while they are in use
     silent: bool = False  # no tables; the result is for a program
+    told: frozenset[str] = frozenset()  # options of the command line, be it what they are by default
 
     def given(self, name: str) -> bool:
-        """Whether an option is not what it is by default."""
-        return getattr(self, name) != {one.name: one.default for one in fields(self)}[name]
+        """Whether an option is told, or is not what it is by default."""
+        return name in self.told or getattr(self, name) != {one.name: one.default for one in fields(self)}[name]
 
 
 def brush_files(wishes: LearnOptions, regions: Sequence[Region]) -> list[Path]:
@@ -111,7 +115,23 @@ def checked(wishes: LearnOptions) -> list[Region]:
     if problems:
         raise ProblemsError(problems)
     _check_different(wishes.clips)
+    _tell_ignored(wishes)
     return regions
+
+
+def _tell_ignored(wishes):
+    """Say which options do nothing for these files; of films that is known once single animals are told apart."""
+    ignored = "--speed was ignored: it is for photographs; in a clip, speed is measured"
+    for clip in filter(Path.is_file, wishes.clips if wishes.speed is not None else ()):
+        if is_tracks(clip) or not is_picture(clip):
+            say(f"{clip}: {of_tracks(ignored) if is_tracks(clip) else ignored}")
+    if all(map(is_tracks, wishes.clips)):
+        _tell_of_followed(wishes)
+
+
+def _tell_of_followed(wishes):
+    for name in filter(wishes.given, ("beta", "device")):
+        say(f"--{name} was ignored: it is for learning from fields alone, and single animals are followed here")
 
 
 def _check_together(wishes):
@@ -151,8 +171,8 @@ def check_fields(evidences: Sequence[Evidence], wishes: LearnOptions):
     Where single animals are followed, say which options do nothing.
     """
     if all(followed(evidence) for evidence in evidences):
-        for name in filter(wishes.given, ("beta", "device")):
-            say(f"--{name} was ignored: it is for learning from fields alone, and single animals are followed here")
+        if not all(map(is_tracks, wishes.clips)):  # of these it is told
+            _tell_of_followed(wishes)
         return
     if importlib.util.find_spec("torch") is None:
         raise refused(

@@ -77,6 +77,15 @@ def test_only_tracks_have_one(tmp_path):
         look_at(tmp_path / "clip.mp4", Looking(arena=TANK))
 
 
+def test_a_video_has_no_body_length_in_metres_that_would_do_nothing(tmp_path, capsys):
+    (tmp_path / "clip.mp4").write_bytes(b"")
+    for command in (["fields"], ["reenact", "--brush", "march"]):
+        out = ["--out", str(tmp_path / "f.npz")] if command == ["fields"] else []
+        assert called([*command, str(tmp_path / "clip.mp4"), "--body-length-m", "1", *out]) == 1
+        told = "is a video or picture: --unit, --fps, --body-length-m and --arena can only be used with tracks"
+        assert told in " ".join(capsys.readouterr().err.split())
+
+
 def test_an_arena_that_is_found_is_the_smallest_that_holds_all(file):
     everyone = swimming().reshape(-1, 2)
     x, y, radius = Arena("circle").around(_tracks(file), 0.2).numbers

@@ -308,6 +308,8 @@ def test_places_where_nothing_can_be_written_are_told_before_anything_is_done(cl
     ("options", "why"),
     [
         (("--share", "0.8"), "no frames can be held out: leave out --share"),
+        (("--share", "0.5"), "no frames can be held out: leave out --share"),
+        (("--beta", "0.5"), "leave out --beta"),
         (("--ablate", "angular"), "leave out --ablate"),
         (("--beta", "0.2"), "its density alone is learned from: leave out --beta"),
         (("--landmark", "0:9,9,40,40", "--landmark", "0:60,9,40,40"), "leave out --landmark"),

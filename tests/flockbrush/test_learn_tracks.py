@@ -195,3 +195,19 @@ def test_ctrl_c_is_what_it_is_in_python(monkeypatch):
     monkeypatch.setattr(learn, "learn_brushes", stopped)
     with pytest.raises(KeyboardInterrupt):
         flockbrush.learn(np.zeros((20, 6, 2)), unit="m", fps=10)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("herd.csv", ["in tracks, speed is measured", "--beta was ignored", "--device was ignored"]),
+        ("herd.mp4", ["in a clip, speed is measured"]),
+    ],
+)
+def test_what_does_nothing_for_tracks_or_films_is_told_before_they_are_looked_at(cli, tmp_path, name, told):
+    (tmp_path / name).write_text("no herd")
+    ignored = "--speed", "2", "--beta", "0.5", "--device", "cpu"
+    done = cli("learn", tmp_path / name, "--out", tmp_path / "x.brush.toml", *ignored)
+    said = " ".join(done.err.split())
+    assert done.code == 1 and said.count("was ignored") == len(told)
+    assert all(one in said for one in told), said

@@ -111,7 +111,7 @@ def test_frames_after_damaged_ones_keep_their_numbers(keyed, tmp_path):
     assert np.allclose(grey, [10 * (4 if k == 5 else k) for k in order], atol=16) and len(shown) == 12
     assert [grey[n] for n in (0, 1, 2, 4, 5)] == [Film(keyed).frame(k).mean() for k in (8, 3, 11, 0, 7)]
     assert shown.lost == {4, 5, 6} and "9 can be read" in shown.notes[0]
-    assert open_clip(hurt).notes[0] == "it is damaged after frame 3; later frames are ignored"
+    assert open_clip(hurt).notes[0] == "it is damaged after frame 3; the 8 later frames are ignored"
 
 
 @pytest.mark.parametrize(("first", "can"), [(5, "5 can"), (0, "none can")])
