@@ -13,6 +13,7 @@ from flockbrush.systems.obstacle_commands import AddObstacle, MoveObstacle
 import flockbrush
 from flockbrush.output.export import Exports
 from flockbrush.runs.run import start
+from tests.flockbrush.pens import pen
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +73,20 @@ def test_the_walkable_area_of_a_frame_is_without_the_obstacles_of_then(level, tm
     whole = 40 * 30 - 4 * 4
     assert [area.area for area in areas[::2]] == pytest.approx([whole, whole, whole - 4])
     assert not areas[-1].contains(shapely.Point(30, 20)) and areas[0].contains(shapely.Point(30, 20))
+
+
+def test_an_obstacle_on_the_border_of_a_periodic_map_takes_ground_at_both(tmp_path):
+    shapely = pytest.importorskip("shapely")
+    simulation = start(pen(tmp_path, sheep=1, script=False, boundary="wrap"))
+    simulation.submit(MoveObstacle("stone", 0.0, 15.0))
+    simulation.tick()
+    with Exports([tmp_path / "a.sqlite"], simulation, 32) as exports:
+        exports.take()
+    base = sqlite3.connect(tmp_path / "a.sqlite")
+    ((text,),) = base.execute("SELECT wkt FROM geometry").fetchall()
+    base.close()
+    assert shapely.from_wkt(text).area == pytest.approx(40 * 30 - 4 * 4)
+    simulation.close()
 
 
 def test_netcdf_has_movements_layout(cli, recording, tmp_path, lived):
