@@ -53,23 +53,24 @@ class BatteryMeasure:
     share: float = 0.0  # of the clip's value, the floor too; whichever is larger
     lasting: float = 0.0  # the same after 20 s; 0: not compared then
     lasting_share: float = 0.0
-    lasting_limits: float = 1.2  # the same, of the limit beside the clip
+    lasting_limits: float = 1.5  # the same, of the limit beside the clip
+    onward: float = 1.0  # of the change in the clip, that may go on after it
     growth_error: float | None = None  # 1/s, of the growth of the clip, by which it may have changed after 20 s
 
 
 MEASURES = {
     m.name: m
     for m in (
-        BatteryMeasure("polarization", "", 0.06, lasting=0.15),
-        BatteryMeasure("milling", "", 0.10, lasting=0.25),
-        BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, 0.06, 0.10, 0.5, growth_error=0.0),
-        BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.10),
+        BatteryMeasure("polarization", "", 0.06, lasting=0.2),
+        BatteryMeasure("milling", "", 0.10, lasting=0.3),
+        BatteryMeasure("nearest neighbour", "BL", 0.03, 0.10, 0.06, 0.10, 0.5, 0.5, growth_error=0.0),
+        BatteryMeasure("speeds", "BL/s", 0.03, 0.10, lasting=0.05, lasting_share=0.15),
         BatteryMeasure("changes of speed", "BL/s²", 0.05, 0.25),
         BatteryMeasure("turning", "rad/s", 0.06, 0.30),
-        BatteryMeasure("spread", "BL", 0.1, 0.10, 0.4, 0.5, 1.5, growth_error=0.05 / DEVIATIONS),
+        BatteryMeasure("spread", "BL", 0.1, 0.10, 0.4, 0.45, growth_error=0.05 / DEVIATIONS),
         BatteryMeasure("growth", "1/s", 0.05),
         BatteryMeasure("correlation length", "BL", 0.5, 0.5),
-        BatteryMeasure("share standing", "", 0.08, lasting=0.15),
+        BatteryMeasure("share standing", "", 0.08, lasting=0.2),
         BatteryMeasure("response to neighbours", "rad", 0.001, 0.14),  # of the scatter of turns
         BatteryMeasure("scatter of turns", "rad", 0.003, 0.5),
     )

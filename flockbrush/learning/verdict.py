@@ -34,7 +34,6 @@ STEPPED = "speeds", "share standing"  # measures of steps, for which frames may 
 FEWEST = 5  # animals
 GROWN = 4.0  # times the spread of the clip: farther nothing is extrapolated
 FILM, TRACKS = "film", "tracks"  # what judges
-ONWARD = 0.5  # of the change of a measure in the clip, that may go on after it
 ANYWHERE = 0.25  # of a limit, by which it grows at most where runs differ: those that go anywhere excuse nothing
 STILL, ONWARDS = "nobody moves", "all animals keep their velocity"
 RANDOM = "random numbers"
@@ -168,7 +167,7 @@ def after_long(battery: Battery, rows: list[BatteryRow], found: list[Series]) ->
         )
         level = float(np.abs(value).mean())
         limit = max(kind.lasting, kind.lasting_share * level, kind.lasting_limits * row.limit)
-        limit += ONWARD * _trend(battery, row.name)
+        limit += kind.onward * _trend(battery, row.name)
         mean, most = values.mean(0), value
         if kind.growth_error is not None and np.isfinite(growth):
             most = value * min(np.exp(max(growth, 0.0) * ALONE), GROWN)  # as far as it would grow so

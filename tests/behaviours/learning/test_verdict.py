@@ -204,16 +204,17 @@ def test_a_brush_is_not_praised_for_what_it_misses_once_it_is_fitted_to_all_fram
     assert once_fitted(like, like) is like and once_fitted(partly, strays) is partly
 
 
-def test_of_what_changes_in_a_clip_half_is_excused_after_it(clip):
+@pytest.mark.parametrize(("name", "share"), [("polarization", 1.0), ("nearest neighbour", 0.5)])
+def test_what_changes_in_a_clip_is_excused_after_it_and_of_distances_half(clip, name, share):
     battery, limits = Battery.of(clip), []
-    n = len(battery.series.rows["polarization"])
-    third, rising = n // 3, np.linspace(0.0, 0.9, n)[:, None]
-    for values in (np.full((n, 1), 0.45), rising):
-        series = replace(battery.series, rows={**battery.series.rows, "polarization": values})
-        row_beside = BatteryRow("polarization", 0.5, 0.5, 0.0, 0.1)
+    n, size = battery.series.rows[name].shape
+    third, rising = n // 3, np.linspace(0.0, 0.9, n)[:, None] + np.zeros(size)
+    for values in (np.full((n, size), 0.45), rising):
+        series = replace(battery.series, rows={**battery.series.rows, name: values})
+        row_beside = BatteryRow(name, 0.5, 0.5, 0.0, 0.1)
         limits.append(after_long(replace(battery, series=series), [row_beside], [battery.series])[0].limit)
     change = rising[-third:].mean() - rising[:third].mean()
-    assert limits[1] - limits[0] == pytest.approx(0.5 * change)
+    assert limits[1] - limits[0] == pytest.approx(share * change)
 
 
 def test_nothing_is_told_by_a_clip_whose_animals_are_taken_for_ground(clip):
