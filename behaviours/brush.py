@@ -398,11 +398,10 @@ class BrushLibrary(FileLibrary):
         path = self.path(name)
         return _parsed(str(path), self.bytes_of(path), _models() if self._models is None else self._models)
 
-    def path_between(self, start: str, end: str) -> tuple[str, bytes] | None:
+    def path_between(self, start: str, end: str) -> tuple[Path, bytes] | None:
         """(file, bytes) of the measured path between two brushes, either way; None where nobody measured it."""
-        bases = (f"{start}--{end}{PATH_SUFFIX}", f"{end}--{start}{PATH_SUFFIX}")
-        file = next(filter(None, map(self.file_called, bases)), None)
-        return (file.name, self.bytes_of(file)) if file else None
+        file = self.file_called(f"{start}--{end}{PATH_SUFFIX}", f"{end}--{start}{PATH_SUFFIX}")
+        return (file, self.bytes_of(file)) if file else None
 
     def problems(self) -> list[Problem]:
         """Everything that is wrong with any brush of the library."""

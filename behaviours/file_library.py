@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -82,11 +83,14 @@ class FileLibrary:
             bases.update(path.name for path in folder.glob(f"*{self.suffix}"))
         return sorted(name for name in (base.removesuffix(self.suffix) for base in bases) if NAME.fullmatch(name))
 
-    def file_called(self, base: str) -> Path | None:
-        """The file of this base name; the bare name where it is embedded, None where there is none."""
-        if base in self._files:
-            return Path(base)
-        return next((folder / base for folder in self.folders if (folder / base).exists()), None)
+    def file_called(self, *bases: str) -> Path | None:
+        """The file of the first of these base names in the first folder that has one; None where there is none.
+
+        The bare name where it is embedded.
+        """
+        embedded = (Path(base) for base in bases if base in self._files)
+        there = (folder / base for folder in self.folders for base in bases if (folder / base).exists())
+        return next(itertools.chain(embedded, there), None)
 
     def file_of(self, name: str) -> Path | None:
         """The file of a valid name, as `file_called` tells it."""

@@ -10,21 +10,24 @@ from __future__ import annotations
 import itertools
 import re
 import zlib
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from flockbrush.behaviours.brush import Brush, BrushLibrary, flies_free
+from flockbrush.behaviours.brush import PATH_SUFFIX, Brush, BrushLibrary, flies_free
 from flockbrush.behaviours.file_library import check_schema
 from flockbrush.behaviours.spec import Finite, Line, Spec, Text, spec_field
 from flockbrush.behaviours.tomlfile import parse_toml
-from flockbrush.behaviours.validation import bounds, validated
-from flockbrush.engine.problems import ProblemsError
+from flockbrush.behaviours.validation import Mistake, bounds, span, validated
+from flockbrush.engine.problems import ProblemsError, did_you_mean
 from pydantic import BaseModel, Field, model_validator
 
 STEPS = 12  # brushes between two, and one of them
 PATH_SCHEMA = "flockbrush.path/1"
 _STEP = re.compile(r"([A-Za-z0-9_-]+)--([A-Za-z0-9_-]+)--[1-9][0-9]*of[0-9]+")
+ROUNDED = 1e-5  # of a number: path files have six digits
 Share = Annotated[Finite, Field(ge=0, le=1)]
+Digest = Annotated[str, Field(pattern="^([0-9a-f]{64})?$")]
 
 
 class BrushPath(Spec):
@@ -32,6 +35,8 @@ class BrushPath(Spec):
 
     start: Line = spec_field(..., "the brush at 0")
     end: Line = spec_field(..., "the brush at 1")
+    start_sha256: Digest = spec_field("", "SHA-256 of the file of the brush at 0 that was measured")
+    end_sha256: Digest = spec_field("", "SHA-256 of the file of the brush at 1 that was measured")
     along: tuple[Share, ...] = spec_field(
         ..., "position of the parameters on the straight line, at even steps from 0 to 1", min_length=2, max_length=65
     )
@@ -63,25 +68,96 @@ class BrushPath(Spec):
         """The same way back."""
         back = {name: values[::-1] for name, values in self.detour.items()}
         update = {"start": self.end, "end": self.start, "along": tuple(1.0 - x for x in self.along[::-1])}
+        update |= {"start_sha256": self.end_sha256, "end_sha256": self.start_sha256}
         return self.model_copy(update={**update, "detour": back})
 
+    def replaced(self, brushes: Iterable[Brush]) -> list[str]:
+        """Names of those of its brushes that are not what was measured, as far as the path says what that was."""
+        measured = {self.start: self.start_sha256, self.end: self.end_sha256}
+        return [brush.name for brush in brushes if measured[brush.name] not in ("", brush.sha256)]
 
-def load_path(source: bytes, file: str) -> BrushPath:
-    """Read a path; ProblemsError with what is wrong with the file."""
+
+def load_path(source: bytes, file: str, brushes: Iterable[Brush] = ()) -> BrushPath:
+    """Read a path.
+
+    Parameters
+    ----------
+    file : str
+        ``A--B.path.toml``, from A to B or from B to A.
+    brushes : iterable of Brush, optional
+        The two it leads between: with these its detours are checked.
+
+    Raises
+    ------
+    ProblemsError
+        With what is wrong with the file.
+    """
     toml = parse_toml(source, file)
     path, mistakes = validated(BrushPath, check_schema(toml, PATH_SCHEMA))
-    if path is None:
+    if path is not None:
+        mistakes = _misnamed(path, file) or _misfits(path, {brush.name: brush for brush in brushes})
+    if path is None or mistakes:
         raise ProblemsError([toml.problem(where, message) for where, message in mistakes])
     return path
 
 
+def _misnamed(path: BrushPath, file: str) -> list[Mistake]:
+    """What is wrong with the ends of a path whose file tells others."""
+    base = re.split(r"[/\\]", file)[-1]
+    names = [f"{one}--{two}{PATH_SUFFIX}" for one, two in ((path.start, path.end), (path.end, path.start))]
+    if base in names:
+        return []
+    right = base.startswith(f"{path.start}--") or base.endswith(f"--{path.start}{PATH_SUFFIX}")
+    message = f"the file of a path from {path.start!r} to {path.end!r} must be {names[0]} or {names[1]}, got {base!r}"
+    return [(("end",) if right else ("start",), message)]
+
+
+def _misfits(path: BrushPath, brushes: Mapping[str, Brush]) -> list[Mistake]:
+    """What is wrong with the detours of a path: what else may be out of bounds where a brush was replaced."""
+    start, end = brushes.get(path.start), brushes.get(path.end)
+    if start is None or end is None or not can_mix(start, end):
+        return []
+    fields = type(start.params).model_fields
+    mistakes: list[Mistake] = []
+    numbers = [name for name in fields if _are_numbers(getattr(start.params, name), getattr(end.params, name))]
+    for name, values in path.detour.items():
+        if name not in numbers:
+            of = f"model {start.model!r} has no {'number' if name in fields else 'parameter'} of this name"
+            mistakes.append((("detour", name), of + did_you_mean(name, numbers)))
+            continue
+        a, b, limits = getattr(start.params, name), getattr(end.params, name), bounds(fields[name])
+        for k, (share, extra) in enumerate(zip(path.along, values, strict=True)):
+            value = a + share * (b - a) + extra
+            beyond = abs(value - limits.nearest(value)) > ROUNDED * (abs(a) + abs(b) + abs(extra))
+            if beyond and not path.replaced((start, end)):
+                message = f"makes {name} {value:g} at step {k}/{len(values) - 1}; it must be {span(fields[name])}"
+                mistakes.append((("detour", name, k), message))
+    return mistakes
+
+
 def path_between(library: BrushLibrary, start: str, end: str) -> BrushPath | None:
-    """The measured path from one brush to another, if there is one; ProblemsError."""
-    file = library.path_between(start, end) if hasattr(library, "path_between") else None
-    if file is None:
+    """The measured path from one brush to another, if there is one and they can be mixed; ProblemsError."""
+    found = library.path_between(start, end) if hasattr(library, "path_between") else None
+    if found is None:
         return None
-    path = load_path(file[1], file[0])
+    (file, source), brushes = found, (library.get(start), library.get(end))
+    if not can_mix(*brushes):
+        return None
+    path = load_path(source, str(file), brushes)
     return path if path.start == start else path.reversed()
+
+
+def paths_in(files: Mapping[str, str]) -> dict[tuple[str, str], BrushPath]:
+    """The paths in some files, {name: text}, both ways; of two files for one way that which is named so."""
+    paths: dict[tuple[str, str], BrushPath] = {}
+    for file, text in files.items():
+        path = load_path(text.encode(), file)
+        for way in (path, path.reversed()):
+            if file == f"{way.start}--{way.end}{PATH_SUFFIX}":
+                paths[way.start, way.end] = way
+            else:
+                paths.setdefault((way.start, way.end), way)
+    return paths
 
 
 def path_to_toml(path: BrushPath) -> str:
@@ -92,6 +168,7 @@ def path_to_toml(path: BrushPath) -> str:
 
     lines = [f'schema = "{PATH_SCHEMA}"', f'start = "{path.start}"', f'end = "{path.end}"']
     lines += [
+        *(f'{name} = "{digest}"' for name in ("start_sha256", "end_sha256") if (digest := getattr(path, name))),
         f'begin = "{path.begin}"',
         f"seconds = {path.seconds:g}",
         f"even = {str(path.even).lower()}",
@@ -142,12 +219,16 @@ def _number(a, b, share):
     return float(a + share * (b - a)) if a != b else float(a)
 
 
+def _are_numbers(*values: Any) -> bool:
+    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+
+
 def _between(a: BaseModel, b: BaseModel, share: float, extra: dict[str, float]) -> Any:
     """Parameters between two of one kind and what a detour adds, each within its bounds."""
     values = {}
     for name, field in type(a).model_fields.items():
         one, two = getattr(a, name), getattr(b, name)
-        if all(isinstance(value, int | float) and not isinstance(value, bool) for value in (one, two)):
+        if _are_numbers(one, two):
             value = bounds(field).nearest(_number(one, two, share) + extra.get(name, 0.0))
             values[name] = round(value) if isinstance(one, int) and isinstance(two, int) else value
         else:

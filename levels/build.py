@@ -242,7 +242,7 @@ def _palette(level, library):
         path = path_between(library, start.name, end) if start.name != end else None
         if path is not None:
             file, source = library.path_between(start.name, end)
-            level.paths[f"brushes/{file}"] = source
+            level.paths[f"brushes/{file.name}"] = source
             paths[start.name, end] = path
     try:
         return Palette(brushes, over, paths)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import functools
 import shlex
+from pathlib import Path, PurePosixPath
 
 import numpy as np
-from flockbrush.behaviours.brush import SUFFIX, flies_free
+from flockbrush.behaviours.brush import PATH_SUFFIX, flies_free, shipped
 from flockbrush.behaviours.mixture import can_mix, path_between
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.raster import Raster
 from flockbrush.engine.seam import images, wrap_of
 from flockbrush.levels import geometry
+from flockbrush.levels.libraries import input_files
 from flockbrush.levels.properties import is_number
 from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.systems.navigation import navigation_of
@@ -76,16 +78,35 @@ def mixing_hints(level, places, library):
             continue
         for start in sorted({spawn.brush for spawn in level.spawns}):
             for end in _brushes_of(thing):
-                hint = "" if end == start else _mixing_hint(library, start, end)
+                hint = "" if end == start else _mixing_hint(level, library, start, end)
                 if hint:
                     here.warn(hint)
 
 
-def _morph(start, end):
-    return shlex.join(["flockbrush", "brush", "morph", start, end])
+def _morph(level, library, start, end):
+    """The command that measures a path between two brushes and puts it where this level finds it."""
+    folder = next((f for f in library.folders if f not in shipped().folders), Path(level.path).parent / "brushes")
+    brushes = [_brush_argument(level, library, name) for name in (start, end)]
+    output = _from_here(folder / f"{start}--{end}{PATH_SUFFIX}")
+    return shlex.join(["flockbrush", "brush", "morph", *brushes, "-o", output])
 
 
-def _mixing_hint(library, start, end):
+def _brush_argument(level, library, name):
+    """How a command names a brush of a level: a shipped one by name, others by file."""
+    file = library.path(name)
+    if not file.is_file():  # embedded: the level names it as a file, or it is in a recording
+        named = [own for own in level.files if PurePosixPath(own).name == file.name]
+        file = next(iter(input_files(level.path, named)), None)
+    return name if file is None or file.parent in shipped().folders else _from_here(file)
+
+
+def _from_here(file):
+    """A path as it is written in the current folder."""
+    file, here = Path(file).absolute(), Path.cwd()
+    return str(file.relative_to(here) if file.is_relative_to(here) else file)
+
+
+def _mixing_hint(level, library, start, end):
     if not can_mix(library.get(start), library.get(end)):
         return f"brushes {start!r} and {end!r} have different models, so a share of the animals takes {end!r}"
     path = path_between(library, start, end)
@@ -95,23 +116,14 @@ def _mixing_hint(library, start, end):
     if path is None:
         return (
             f"there is no measured path from {start!r} to {end!r}: parameters are mixed linearly, and behaviour may "
-            f"jump; {_morph(start, end)} measures a path"
+            f"jump; {_morph(level, library, start, end)} measures a path"
         )
-    if other := _replaced(library, start, end):
+    if other := path.replaced(map(library.get, (start, end))):
         return (
             f"the path from {start!r} to {end!r} was measured with another brush {' and '.join(map(repr, other))}, "
-            f"so behaviour may jump; {_morph(start, end)} measures it anew"
+            f"so behaviour may jump; {_morph(level, library, start, end)} measures it anew"
         )
     return ""
-
-
-def _replaced(library, start, end):
-    """Those of two brushes that are not the brush of their name beside the measured path: it was measured with that."""
-    file = library.file_called(library.path_between(start, end)[0])
-    if not file.is_absolute():  # embedded in a recording, with the brushes of that run
-        return []
-    beside = {name: file.with_name(name + SUFFIX) for name in (start, end)}
-    return [name for name, own in beside.items() if own.is_file() and own.read_bytes() != library.get(name).source]
 
 
 def level_hints(level, places):

@@ -10,7 +10,7 @@ from flockbrush.behaviours.behaviour import GUIDED, Flight, behaviours
 from flockbrush.behaviours.brush import load_brush
 from flockbrush.behaviours.brush_tables import SIGHTS
 from flockbrush.behaviours.drive import drives_of, drives_of_steered
-from flockbrush.behaviours.mixture import STEPS, can_mix, is_step, load_path, step_name, steps_between
+from flockbrush.behaviours.mixture import STEPS, can_mix, is_step, paths_in, step_name, steps_between
 from flockbrush.engine.maths import sincos_
 
 
@@ -60,10 +60,7 @@ class Palette:
     def _know(self):
         """Look up what is mixed, and on which paths."""
         (over, paths), (later, files) = self._first, self._brought
-        self.over, self.paths = (*over, *later), dict(paths)
-        for file, text in files.items():
-            path = load_path(text.encode(), file)
-            self.paths |= {(path.start, path.end): path, (path.end, path.start): path.reversed()}
+        self.over, self.paths = (*over, *later), paths_in(files) | paths
 
     def mix(self, name, files):
         """Have brushes between every other brush and this one, by measured paths too: {file: text}; ValueError."""

@@ -380,10 +380,11 @@ class MixBrush:
     paths: dict
 
     def check(self, world):
-        world.resource(Palette).named(self.name)
+        palette = world.resource(Palette)
+        palette.named(self.name)
         for file, text in self.paths.items():
             try:
-                path = load_path(str(text).encode(), file)
+                path = load_path(str(text).encode(), file, palette.own)
             except ProblemsError as error:
                 raise ValueError(str(error)) from None
             need(self.name in (path.start, path.end), f"{file}: this path neither begins nor ends at {self.name!r}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 from flockbrush.behaviours.brush import PATH_SUFFIX
@@ -23,18 +24,24 @@ def morph_brushes(start, end, output, trials: list[Trial], route: Route):
         for name in names:
             if not any(field.startswith(name) for field in type(first.params).model_fields):
                 raise refused(first.name, f"model {first.model!r} has no parameter {name} ({option})")
-    file = Path(output) if output else Path(f"{first.name}--{last.name}{PATH_SUFFIX}")
+    names = [f"{one}--{two}{PATH_SUFFIX}" for one, two in ((first.name, last.name), (last.name, first.name))]
+    file = Path(output or names[0])
+    if file.name not in names:
+        raise refused(file, f"levels find a path by its name: this one must be {names[0]} or {names[1]}")
+    if file.parent.parent.is_dir():
+        file.parent.mkdir(exist_ok=True)
     with held(file):
         found = morph(first, last, trials, route, say)
         text = table(found)
         told = (
-            f"flockbrush brush morph {first.name} {last.name} "
+            f"{shlex.join(['flockbrush', 'brush', 'morph', str(start), str(end)])} "
             f"{' '.join(f'--animals {trial.animals}' for trial in trials)} --seeds {trials[0].seeds} "
             f"--steps {trials[0].steps} --seconds {trials[0].seconds:g} --begin {trials[0].begin}"
             f"{f' --wander {route.wander:g}' if route.wander else ''}"
             f"{''.join(f' --first {name}' for name in route.first)}\n{text}\n"
         )
-        path = found.path.model_copy(update={"measured": told})
+        digests = {"start_sha256": first.sha256, "end_sha256": last.sha256}
+        path = found.path.model_copy(update={"measured": told, **digests})
         print_line(text)
         write_bytes(file, path_to_toml(path).encode(), overwrite=True)
     print_line(f"wrote {file}")

@@ -58,4 +58,4 @@ def _mixtures(session, command):
 def _paths_to(session, end, starts):
     """{file: text} of the measured paths from some brushes to another."""
     paths = (session.library.path_between(start, end) for start in starts if start != end)
-    return {file: text.decode() for file, text in filter(None, paths)}
+    return {file.name: text.decode() for file, text in filter(None, paths)}

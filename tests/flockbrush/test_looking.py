@@ -137,6 +137,27 @@ def test_what_is_wrong_with_a_path_between_brushes_is_told_with_file_and_line(cl
     assert f"{tmp_path / 'none.path.toml'}: there is no such file" in done.out
 
 
+@pytest.mark.parametrize(
+    ("detour", "said"),
+    [
+        ("wandr = [0, 0.1, 0]", "detour.wandr: model 'herd' has no parameter of this name; did you mean 'wander'?"),
+        ("guided = [0, 1, 0]", "detour.guided: model 'herd' has no number of this name"),
+        ("wander = [0, 99, 0]", "detour.wander[1]: makes wander 99 at step 1/2; it must be from 0 to 10"),
+    ],
+)
+def test_what_a_path_adds_to_parameters_must_be_possible(cli, tmp_path, detour, said):
+    path = tmp_path / "graze--march.path.toml"
+    lines = 'schema = "flockbrush.path/1"', 'start = "graze"', 'end = "march"', "along = [0, 0.5, 1]", "[detour]", detour
+    path.write_text("\n".join(lines))
+    done = cli("brush", "check", path)
+    assert done.code == 1 and done.out.startswith(f"{path}:6: {said}")
+    path.write_text(path.read_text().replace("graze", "mine"))
+    done = cli("brush", "check", path.rename(tmp_path / "mine--march.path.toml"))
+    assert done.code == 0 and "there is no brush 'mine', so [detour] was not checked" in done.out
+    (tmp_path / "mine.brush.toml").write_bytes((BRUSHES / "graze.brush.toml").read_bytes())
+    assert said in cli("brush", "check", tmp_path / "mine--march.path.toml").out
+
+
 def test_what_is_wrong_with_brushes_is_told_with_file_and_line(cli, tmp_path):
     text = (BRUSHES / "march.brush.toml").read_text().replace("alignment_weight", "aligment_weight")
     path = tmp_path / "odd.brush.toml"

@@ -1,9 +1,12 @@
 """Paths between brushes: even steps, sweeps both ways, files that paint follows."""
 
+import re
+
 import numpy as np
 import pytest
 from flockbrush.behaviours.brush import BrushLibrary, shipped
-from flockbrush.behaviours.mixture import STEPS, load_path, mixed, path_between
+from flockbrush.behaviours.mixture import STEPS, BrushPath, load_path, mixed, path_between, path_to_toml
+from flockbrush.engine.problems import ProblemsError
 
 from benchmarks.morphs import brushes_of, errors_from_monotonic, judged, shipped_paths
 from flockbrush.studies import morph as morph_study
@@ -257,11 +260,36 @@ def test_the_command_writes_a_path_that_a_library_finds(cli, tmp_path, monkeypat
     path = load_path(file.read_bytes(), file.name)
     assert path.start == "swarm" and len(path.along) == 3 and f"brush morph swarm march {options}" in path.measured
     assert (path.begin, path.seconds) == ("aligned", 1.0) and not (path.even and path.bistable)
+    assert not path.replaced(map(shipped().get, ("swarm", "march"))) and path.start_sha256 and path.end_sha256
     assert path.even == ("no hysteresis" not in done.out and "bistable" not in done.out)  # uneven ones are swept
-    library = BrushLibrary([tmp_path])
+    library = BrushLibrary([tmp_path, *shipped().folders])
     there, back = path_between(library, "swarm", "march"), path_between(library, "march", "swarm")
     assert there == path and back.along[1] == pytest.approx(1.0 - path.along[1])
-    assert path_between(library, "graze", "swarm") is None
+    assert path_between(library, "graze", "lanes") is None
+
+
+def test_of_paths_in_several_folders_that_of_the_first_is_taken_whichever_way_it_is_named(tmp_path):
+    library = BrushLibrary([tmp_path, *shipped().folders])
+    own = BrushPath(start="march", end="graze", along=(0, 0.9, 1))
+    (tmp_path / "march--graze.path.toml").write_text(path_to_toml(own))
+    assert path_between(library, "march", "graze") == own
+    assert path_between(library, "graze", "march") == own.reversed()
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "said"),
+    [
+        ("graze", "swarm", "3: end: the file of a path from 'graze' to 'swarm' must be graze--swarm.path.toml or"),
+        ("swarm", "march", "2: start: the file of a path from 'swarm' to 'march' must be swarm--march.path.toml or"),
+    ],
+)
+def test_a_path_whose_file_names_other_brushes_is_refused(tmp_path, start, end, said):
+    file = tmp_path / "graze--march.path.toml"
+    file.write_text(path_to_toml(BrushPath(start=start, end=end, along=(0, 0.9, 1))))
+    library = BrushLibrary([tmp_path, *shipped().folders])
+    for pair in (("graze", "march"), ("march", "graze")):
+        with pytest.raises(ProblemsError, match=re.escape(f"{file}:{said}")):
+            path_between(library, *pair)
 
 
 def test_pairs_with_nothing_between_are_refused(cli, tmp_path, monkeypatch):
@@ -272,6 +300,8 @@ def test_pairs_with_nothing_between_are_refused(cli, tmp_path, monkeypatch):
     ):
         done = cli("brush", "morph", *pair)
         assert done.code != 0 and why in done.err + done.out
+    done = cli("brush", "morph", "swarm", "march", "-o", "sm.path.toml")
+    assert done.code == 1 and "sm.path.toml: levels find a path by its name: this one must be swarm--march" in done.err
     done = cli("brush", "morph", "swarm", "march", "--first", "mood")
     assert done.code != 0 and "model 'herd' has no parameter mood (--first)" in done.err + done.out
     assert not list(tmp_path.iterdir())
@@ -283,7 +313,8 @@ def test_shipped_paths_lead_from_brush_to_brush():
         for file in sorted(folder.glob("*.path.toml")):
             path = load_path(file.read_bytes(), file.name)
             start, end = library.get(path.start), library.get(path.end)
-            assert file.name == f"{path.start}--{path.end}.path.toml" and path.measured
+            assert path_between(library, path.start, path.end) == path and path.measured
+            assert not path.replaced((start, end)) and path.start_sha256 and path.end_sha256
             for share, brush in ((0.0, start), (1.0, end)):
                 assert mixed(start, end, share, path).params.model_dump() == pytest.approx(brush.params.model_dump())
             for k in range(STEPS + 1):

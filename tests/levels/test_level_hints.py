@@ -241,15 +241,21 @@ class TestPaint:
             assert len(found) == named
             assert not named or "makes birds land, but acts only above z_min 5 m: below, they take off" in found[0]
 
-    def test_paint_of_part_weight_names_pairs_that_nobody_has_measured(self):
+    def test_paint_of_part_weight_names_pairs_that_nobody_has_measured(self, tmp_path, monkeypatch):
         layer = tiles("brush", [3] * 100, opacity=0.5, properties=properties(blend="mix", edge=4.0))
-        document = level(tiles(), layer, objects("spawns", herd(brush="graze")))
-        found = read(document)
+        document = level(tiles(), layer, objects("spawns", herd(brush="mine")))
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "brushes").mkdir()
+        (tmp_path / "brushes" / "mine.brush.toml").write_bytes(shipped().get("graze").source)
+        library = BrushLibrary([tmp_path / "brushes", *shipped().folders])
+        found = read_level_files({"small.tmj": json.dumps(document, indent=1).encode()}, library)
         (made,) = found.brush_layers
         assert (made.bounds.blend, made.bounds.edge, made.weight, made.plain) == ("mix", 4.0, 0.5, False)
         assert len(found.warnings) == 1
-        said = "layer 'brush': warning: there is no measured path from 'graze' to 'march'"
+        said = "layer 'brush': warning: there is no measured path from 'mine' to 'march'"
         assert re.match(r"small\.tmj:\d{3}: " + said, str(found.warnings[0]))
+        command = "flockbrush brush morph brushes/mine.brush.toml march -o brushes/mine--march.path.toml"
+        assert f"; {command} measures a path" in str(found.warnings[0])
 
     @pytest.mark.parametrize(
         ("values", "said"),
@@ -284,7 +290,9 @@ class TestPaint:
     )
     def test_a_measured_way_that_is_not_even_is_named_too(self, worth, said):
         path = path_to_toml(BrushPath(start="graze", end="march", along=(0, 1), measured="table", **worth)).encode()
-        library = SimpleNamespace(get=shipped().get, path_between=lambda *pair: ("a path", path), file_called=Path)
+        library = SimpleNamespace(
+            get=shipped().get, path_between=lambda *pair: (Path("graze--march.path.toml"), path)
+        )
         pairs = [SimpleNamespace(brush="graze")]
         mixing = BrushLayer("brush", 0.5, ["march"], np.zeros((2, 2), int), PaintBounds(blend="mix"))
         told = []
@@ -303,9 +311,19 @@ class TestPaint:
         assert len(found.warnings) == 1
         said = "the path from 'graze' to 'march' was measured with another brush 'march', so behaviour may jump"
         assert said in str(found.warnings[0])
+        command = f"morph graze {tmp_path}/march.brush.toml -o {tmp_path}/graze--march.path.toml measures it anew"
+        assert command in str(found.warnings[0])
         simulation = build(found, library=library)
         assert simulation.world.resource(Palette).named("graze--march--6of12") >= 0
         simulation.close()
+        digests = {"start_sha256": shipped().get("graze").sha256, "end_sha256": changed.sha256}
+        file = tmp_path / "graze--march.path.toml"
+        file.write_text(path_to_toml(BrushPath(start="graze", end="march", along=(0, 1), **digests)))
+        assert not read_level_files({"small.tmj": json.dumps(document).encode()}, library).warnings
+        digests["end_sha256"] = shipped().get("march").sha256  # of the brush of that name, not of this one
+        file.write_text(path_to_toml(BrushPath(start="graze", end="march", along=(0, 1), **digests)))
+        (again,) = read_level_files({"small.tmj": json.dumps(document).encode()}, library).warnings
+        assert said in str(again)
 
     def test_a_path_in_a_recording_is_not_compared_with_files_that_happen_to_be_here(self, tmp_path, monkeypatch):
         file, path = shipped().path_between("graze", "march")
@@ -313,7 +331,7 @@ class TestPaint:
         monkeypatch.chdir(tmp_path)
         layer = tiles("brush", [3] * 100, opacity=0.5, properties=properties(blend="mix"))
         document = level(tiles(), layer, objects("spawns", herd(brush="graze")))
-        library = shipped().with_files({file: path})
+        library = shipped().with_files({file.name: path})
         assert not read_level_files({"small.tmj": json.dumps(document).encode()}, library).warnings
 
 

@@ -205,6 +205,17 @@ def test_a_live_mix_goes_on_from_its_state_by_its_measured_path():
     assert palette.over == () and (palette.mixes < 0).all()
 
 
+@pytest.mark.parametrize("order", [("run", "walk"), ("walk", "run")])
+def test_of_two_paths_between_brushes_each_way_has_that_which_is_named_so(order):
+    simulation = herd(many=1)
+    there = BrushPath(start="walk", end="run", along=(0, 0.1, 1))
+    back = BrushPath(start="run", end="walk", along=(0, 0.4, 1))
+    files = {"run": {"walk--run.path.toml": path_to_toml(there)}, "walk": {"run--walk.path.toml": path_to_toml(back)}}
+    simulation.world.resource(Commands).perform(simulation.world, [MixBrush(name, files[name]) for name in order])
+    paths = simulation.world.resource(Palette).paths
+    assert (paths["walk", "run"], paths["run", "walk"]) == (there, back)
+
+
 def test_brushes_between_outlive_an_older_brush_that_is_forgotten():
     simulation = herd(many=1)
     palette, queue = simulation.world.resource(Palette), simulation.world.resource(Commands)
@@ -214,7 +225,8 @@ def test_brushes_between_outlive_an_older_brush_that_is_forgotten():
     assert "trot" not in palette.index and palette.mixes[palette.named("walk"), palette.named("run")] >= 0
 
 
-DETOUR = BrushPath(start="walk", end="run", along=(0, 0.5, 1), detour={"max_turn": (0, -50, 0), "wander": (0, -1, 0)})
+HERE = BrushPath(start="walk", end="run", along=(0, 0.5, 1), detour={"max_turn": (0, -50, 0), "wander": (0, -1, 0)})
+DETOUR = HERE.model_copy(update={"end_sha256": 64 * "0"})  # measured with another brush
 
 
 def refusing(start, end, path):
@@ -230,7 +242,9 @@ def test_a_mix_that_cannot_be_says_why_and_changes_nothing(monkeypatch):
     for command, said in (
         (MixBrush("rnu", {}), "no brush 'rnu'"),
         (MixBrush("run", {"a--b.path.toml": "schema = 3"}), "a--b.path.toml"),
-        (MixBrush("flock", {"a--b.path.toml": path_to_toml(DETOUR)}), "neither begins nor ends at 'flock'"),
+        (MixBrush("run", {"walk--rnu.path.toml": path_to_toml(DETOUR)}), "walk--rnu.path.toml:3: end: the file of a"),
+        (MixBrush("flock", {"walk--run.path.toml": path_to_toml(DETOUR)}), "neither begins nor ends at 'flock'"),
+        (MixBrush("run", {"walk--run.path.toml": path_to_toml(HERE)}), "walk--run.path.toml:13: detour.max_turn.1.: mak"),
         (MixBrush("run", {"walk--run.path.toml": path_to_toml(DETOUR)}), "max_turn must be 10"),
     ):
         monkeypatch.setattr(palette_module, "steps_between", refusing)
