@@ -68,7 +68,9 @@ def brush_morph(
     end: Annotated[str, argument("B", "Second brush, of the same model.")],
     output: Annotated[
         Path | None,
-        option("-o", "--output", "FILE", "Path file to write: A--B.path.toml in any folder; default: in the current one."),
+        option(
+            "-o", "--output", "FILE", "Path file to write: A--B.path.toml in any folder; default: in the current one."
+        ),
     ] = None,
     animals: Annotated[
         list[int] | None,

@@ -18,7 +18,9 @@ from flockbrush.behaviours.formation.reaching import FormingRules
 from flockbrush.behaviours.formation.steady_flight import Drawing, SteadyFlight
 from flockbrush.engine.files import claimed, held, need_ending, output_problems, refused, sha256_of, write_text
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.film.track_table import about_file
 from flockbrush.output.formation_brush import write_brush
+from flockbrush.output.trajectory_table import about_table, write_about
 from flockbrush.render import write_png
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.style import PALETTE, rgb, theme_of
@@ -109,7 +111,7 @@ def fly(formation_path, options, out, plot, json):
     fps = options.fps
     need_ending(out, ".csv")
     need_ending(plot, ".png")
-    with claimed([path for path in (out, plot) if path], [formation_path]):
+    with claimed([*([out, about_file(out)] if out else []), *([plot] if plot else [])], [formation_path]):
         formation = load_formation(formation_path)
         birds = options.birds or len(formation.frames[0].birds)
         began = time.perf_counter()
@@ -125,6 +127,7 @@ def fly(formation_path, options, out, plot, json):
                     metres = f"{WINGSPAN * x:.4f}", f"{WINGSPAN * y + north:.4f}", f"{HEIGHT:g}"
                     lines.append((f, k, f"{x:.6f}", f"{y:.6f}", f"{f / fps:.6f}", k + 1, *metres))
             _write_table(out, ["frame", "bird", "x_b", "y_b", "time", "id", "x", "y", "z"], lines)
+            write_about(out, about_table(fps))
         if plot:
             _draw_flight(plot, places, flight)
         if json:

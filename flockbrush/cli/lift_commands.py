@@ -8,8 +8,9 @@ import numpy as np
 
 from flockbrush.behaviours.brush import SUFFIX
 from flockbrush.engine.files import claimed, need_ending, refused
+from flockbrush.film.track_table import about_file
 from flockbrush.film.tracks import read_tracks
-from flockbrush.lifting.flight_files import write_flight
+from flockbrush.lifting.flight_show import Show
 from flockbrush.lifting.lens import read_camera
 from flockbrush.lifting.lift_solver import LiftError, LiftWish, lift
 from flockbrush.lifting.lift_thesis import lift_by_thesis
@@ -43,7 +44,7 @@ def lift_tracks(tracks, camera, out, method="smooth", near=None, far=None, as_js
         need_ending(made[0], SUFFIX)
         if made[2] is not None and not (np.isfinite(made[2]) and made[2] > 0):
             raise refused("--wingspan", f"must be above 0 m, got {made[2]:g}")
-    with claimed([out, *(made or ())[:1]], [tracks, camera]):
+    with claimed([out, about_file(out), *(made or ())[:1]], [tracks, camera]):
         _lift(tracks, camera, out, method, (near, far), as_json, made, wishes)
 
 
@@ -60,7 +61,7 @@ def _lift(tracks, camera, out, method, bounds, as_json, made, wishes):
     except LiftError as error:
         raise refused(tracks, str(error)) from None
     seconds = time.perf_counter() - begin
-    write_flight(out, flight)
+    Show(flight, str(tracks), lens).write_table(out)
     _tell(out, flight, seconds, method, as_json)
     if made is not None:
         _make_brush(tracks, flight, lens, *made, as_json)
@@ -68,8 +69,6 @@ def _lift(tracks, camera, out, method, bounds, as_json, made, wishes):
 
 def _make_brush(tracks, flight, lens, path, frame, wingspan, as_json):
     """Write the formation brush of a frame; the flight has been written before, even if this fails."""
-    from flockbrush.lifting.flight_show import Show
-
     k = (len(flight.xyz) - 1) // 2 if frame is None else frame - int(flight.frames[0])
     learned = Show(flight, str(tracks), lens, span=wingspan).formation_brush(k, path)
     if not as_json:

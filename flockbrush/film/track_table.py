@@ -227,12 +227,17 @@ def rows_twice(frames, animals) -> tuple[int, int] | None:
     return (int(order[same[0]]), int(order[same[0] + 1])) if len(same) else None
 
 
+def about_file(path) -> Path:
+    """Where the metadata of a table are."""
+    return Path(f"{path}.json")
+
+
 def beside(path) -> dict:
     """The metadata in ``NAME.json``, written by Flockbrush next to a table; {} if there is no such file.
 
     ProblemsError when they are of a newer version.
     """
-    other = Path(f"{path}.json")
+    other = about_file(path)
     if not other.is_file() or other.stat().st_size > limits.MIB:
         return {}
     try:

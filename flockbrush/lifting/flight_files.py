@@ -11,7 +11,7 @@ import numpy as np
 from flockbrush.engine.files import write_text
 from flockbrush.film.tracks import central_differences
 from flockbrush.lifting.lift_solver import LiftedFlight
-from flockbrush.output.trajectory_table import COLUMNS
+from flockbrush.output.trajectory_table import BANK, COLUMNS
 
 GRAVITY = 9.81  # m/s²
 NUMBERS = "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "pitch", "bank"
@@ -28,14 +28,14 @@ def write_flight(path, flight: LiftedFlight, species="bird", flies=True, forward
         Of a body, metres, where it is known.
     """
     velocity, pitch, bank = attitude(flight.xyz, flight.fps)
-    columns = (*COLUMNS, *(["bank"] if flies else []))
+    columns = (*COLUMNS, *([BANK] if flies else []))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     ahead = velocity if forward is None else forward
     heading, pitch = np.arctan2(ahead[..., 1], ahead[..., 0]), pitch if forward is None else np.arcsin(forward[..., 2])
     speed = np.linalg.norm(velocity, axis=-1)
-    words = {"species": species, "role": "follower", "reference": "-1"}
+    words = {"species": species, "role": "follower", "reference": "0"}
     words |= {} if length is None else {"length": f"{length:.6f}"}
     for f, time in enumerate(flight.times.tolist()):
         for n in np.flatnonzero(np.isfinite(flight.xyz[f, :, 0])):

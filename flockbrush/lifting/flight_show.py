@@ -16,6 +16,7 @@ import numpy as np
 from flockbrush.behaviours.formation.extraction import Marks, extract
 from flockbrush.engine.files import claimed, refused
 from flockbrush.film.clip_jobs import ClipJob
+from flockbrush.film.track_table import rate_of
 from flockbrush.film.tracks import Tracks, read_tracks
 from flockbrush.lifting.flight_files import attitude, write_flight
 from flockbrush.lifting.flight_table import PLACES, read_flight, table_header, wingspan_of
@@ -253,8 +254,7 @@ class Show:
         path = Path(path)
         self.check_exports([path], options)
         if path.suffix.lower() == ".csv":
-            known = (None, None) if self.flies else (self.forward, self.long)
-            write_flight(path, self.flight, self.animal, self.flies, *known)
+            self.write_table(path)
             return
         exporter = exporter_of(path)(path, _AsRun(self), self.flight.fps, **options)
         try:
@@ -266,6 +266,15 @@ class Show:
             exporter.abandon()
             raise
 
+    def write_table(self, path):
+        """Write the flight as a trajectory table with its metadata beside it."""
+        from flockbrush.output.trajectory_table import metadata_of, write_about
+
+        known = (None, None) if self.flies else (self.forward, self.long)
+        write_flight(path, self.flight, self.animal, self.flies, *known)
+        rate = rate_of(self.flight.frames, self.flight.times)  # some frames may be left out
+        write_about(path, metadata_of(_AsRun(self), rate or self.flight.fps))
+
     def _moment(self, k):
         from flockbrush.runs.snapshots import Moment
 
@@ -275,7 +284,7 @@ class Show:
         return Moment(
             float(flight.times[k]), flight.ids[rows].astype(np.int64), flight.xyz[k, rows],
             self.velocity[k, rows], self.forward[k, rows], np.full(count, long), wide, zero, zero,
-            np.zeros(count, bool), zero - 1, self.up[k, rows], dict.fromkeys(LABELS, zero),
+            np.zeros(count, bool), zero, self.up[k, rows], dict.fromkeys(LABELS, zero),
         )  # fmt: skip
 
     def formation(self, k):
@@ -350,6 +359,7 @@ class _AsRun:
             name=source.name, files={source.name: content}, width=0.0, height=0.0, boundary="open"
         )
         self.origin, self.clock, self.world = {"seed": 0}, SimpleNamespace(dt=1 / show.flight.fps), self
+        self.banks = show.flies
         self.next_entity = 1  # no births, so there are no groups
         self.agents: dict = defaultdict(lambda: np.zeros(0))
         self._kind = _OneKind(show)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import json
 
 import numpy as np
 
 import flockbrush
-from flockbrush.film.track_table import SCHEMA
+from flockbrush.engine.files import write_text
+from flockbrush.film.track_table import SCHEMA, about_file
 from flockbrush.runs.catalogue import LABELS, catalogue_of
 from flockbrush.runs.snapshots import Moment, words_of
 from flockbrush.systems.programs import Programs
@@ -16,6 +18,7 @@ COLUMNS = (
     "frame", "time", "id", "x", "y", "z", "vx", "vy", "vz", "heading", "speed", "species", "brush", "role", "reference",
     *LABELS, "pitch", "length",
 )  # fmt: skip
+BANK = "bank"
 
 ROLES = ("follower", "leader")
 TEXTS = ("species", "brush", "role", *LABELS)  # columns whose values are names
@@ -42,13 +45,24 @@ def table_of(simulation, moment: Moment, frame):
         "pitch": np.arctan2(moment.forward[:, 2], np.hypot(moment.forward[:, 0], moment.forward[:, 1])),
         "length": moment.length,
     }  # fmt: skip
+    if BANK in columns_of(simulation):
+        table[BANK] = bank_of(moment.forward, moment.up)
     return table, words
 
 
-def metadata_of(simulation, fps):
-    """The metadata of a table."""
-    level = simulation.level
-    first = next(iter(level.files.values()), b"")
+def columns_of(simulation):
+    """The columns of its table; that of a flight that was lifted has one more."""
+    return (*COLUMNS, BANK) if getattr(simulation, "banks", False) else COLUMNS
+
+
+def bank_of(forward, up):
+    """(n,) how far bodies lean, radians, positive with the right wing down, of unit vectors (n, 3)."""
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    return np.arctan2((up * right).sum(-1), (up * np.cross(right, forward)).sum(-1))
+
+
+def about_table(fps):
+    """The metadata of every table in metres."""
     return {
         "schema": SCHEMA,
         "fps": fps,
@@ -56,6 +70,20 @@ def metadata_of(simulation, fps):
         "unit_time": "s",
         "unit_angle": "rad",
         "axes": "x east, y north, z up; heading counter-clockwise from east",
+        "version": flockbrush.__version__,
+    }
+
+
+def write_about(path, about):
+    """Write the metadata of a table beside it, where they are looked for."""
+    write_text(about_file(path), json.dumps(about, indent=2) + "\n")
+
+
+def metadata_of(simulation, fps):
+    """The metadata of a table."""
+    level = simulation.level
+    first = next(iter(level.files.values()), b"")
+    return about_table(fps) | {
         "level": level.name,
         "level_sha256": hashlib.sha256(first).hexdigest(),
         "width": level.width,
@@ -63,7 +91,6 @@ def metadata_of(simulation, fps):
         "boundary": level.boundary,
         "seed": simulation.origin["seed"],
         "dt": simulation.clock.dt,
-        "version": flockbrush.__version__,
     }
 
 

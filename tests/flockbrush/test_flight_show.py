@@ -1,6 +1,7 @@
 """A flight that is shown: read or lifted, solved anew, exported, made into a formation brush."""
 
 import csv
+import json
 import time
 
 import numpy as np
@@ -35,6 +36,20 @@ def test_a_flight_that_was_written_is_read_as_it_was(tmp_path, show):
     again = read_flight(tmp_path / "flock.csv")
     assert again.xyz == pytest.approx(show.flight.xyz, abs=1e-5)
     assert again.fps == pytest.approx(25) and again.ids.tolist() == show.flight.ids.tolist()
+
+
+def test_a_flight_has_its_units_beside_it_where_an_earlier_table_had_others(tmp_path, show):
+    (tmp_path / "flock.csv.json").write_text('{"schema": "flockbrush.trajectory/1", "fps": 4, "unit": "bl"}')
+    show.export(tmp_path / "flock.csv")
+    about = json.loads((tmp_path / "flock.csv.json").read_text())
+    assert (about["schema"], about["unit"], about["level"]) == ("flockbrush.trajectory/1", "m", "geese.csv")
+    tracks = read_trajectories(tmp_path / "flock.csv")
+    assert (tracks.unit, tracks.fps, about["fps"]) == ("m", 25.0, 25.0)
+    assert type(open_show(tmp_path / "flock.csv")) is Show
+    one = show.flight
+    Show(type(one)(one.xyz, one.depth, one.ids, 10 * one.frames, 25.0), "every tenth").export(tmp_path / "t.csv")
+    assert json.loads((tmp_path / "t.csv.json").read_text())["fps"] == pytest.approx(250.0)
+    assert read_trajectories(tmp_path / "t.csv").fps == pytest.approx(25.0)  # of frames that there are
 
 
 def test_a_trajectory_of_a_level_can_be_shown(tmp_path):
@@ -143,6 +158,12 @@ def test_a_flight_becomes_a_parquet_table_with_every_bird_of_every_frame(tmp_pat
     table = parquet.read_table(tmp_path / "flock.parquet").to_pydict()
     assert len(table["x"]) == 60 * 11 and set(table["species"]) == {"bird"}
     assert np.array(table["x"]).reshape(60, 11) == pytest.approx(show.flight.xyz[..., 0])
+    show.export(tmp_path / "flock.csv")
+    rows = list(csv.DictReader((tmp_path / "flock.csv").read_text().splitlines()))
+    assert list(table) == list(rows[0]) and np.abs(table["bank"]).max() > 0.01
+    for name in ("bank", "pitch", "heading", "reference"):
+        assert table[name] == pytest.approx([float(row[name]) for row in rows], abs=1e-6)
+    assert set(table["reference"]) == {0}
     run = read_run_table(tmp_path / "flock.parquet")
     assert len(run) == 60 and run.about.flying == [""]
 
@@ -203,10 +224,13 @@ def test_a_level_comes_with_the_brush(tmp_path, show):
 def test_lift_makes_the_brush_without_a_window(tmp_path, capsys):
     tracks, camera = written(tmp_path, seen(geese()))
     words = ["lift", str(tracks), "--camera", str(camera), "--out", str(tmp_path / "flock.csv")]
+    (tmp_path / "flock.csv.json").write_text('{"schema": "flockbrush.trajectory/1", "fps": 4, "unit": "bl"}')
     assert called([*words, "--brush", str(tmp_path / "v.brush.toml"), "--frame", "30", "--wingspan", "1.5"]) == 0
     assert "V of 11 birds" in capsys.readouterr().err
     assert called([*words, "--brush", str(tmp_path / "v.brush.toml"), "--frame", "99"]) == 1
     assert "frames 0 to 59; there is no frame 99" in capsys.readouterr().err
+    about = json.loads((tmp_path / "flock.csv.json").read_text())
+    assert (about["fps"], about["unit"], about["level"]) == (25.0, "m", tracks.name)
     with open(tmp_path / "flock.csv") as file:
         assert len(list(csv.DictReader(file))) == 60 * 11
     for option in ("--frame", "--wingspan"):

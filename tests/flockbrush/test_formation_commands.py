@@ -61,6 +61,8 @@ def flight(marks, tmp_path):
 
 
 def test_a_flight_is_measured_in_metres(flight, capsys):
+    about = json.loads(flight.with_name("flight.csv.json").read_text())
+    assert (about["unit"], about["fps"]) == ("m", 25.0)
     capsys.readouterr()
     assert called(["measure", str(flight), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -147,7 +147,14 @@ def test_what_is_wrong_with_a_path_between_brushes_is_told_with_file_and_line(cl
 )
 def test_what_a_path_adds_to_parameters_must_be_possible(cli, tmp_path, detour, said):
     path = tmp_path / "graze--march.path.toml"
-    lines = 'schema = "flockbrush.path/1"', 'start = "graze"', 'end = "march"', "along = [0, 0.5, 1]", "[detour]", detour
+    lines = (
+        'schema = "flockbrush.path/1"',
+        'start = "graze"',
+        'end = "march"',
+        "along = [0, 0.5, 1]",
+        "[detour]",
+        detour,
+    )
     path.write_text("\n".join(lines))
     done = cli("brush", "check", path)
     assert done.code == 1 and done.out.startswith(f"{path}:6: {said}")

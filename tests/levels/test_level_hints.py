@@ -290,9 +290,7 @@ class TestPaint:
     )
     def test_a_measured_way_that_is_not_even_is_named_too(self, worth, said):
         path = path_to_toml(BrushPath(start="graze", end="march", along=(0, 1), measured="table", **worth)).encode()
-        library = SimpleNamespace(
-            get=shipped().get, path_between=lambda *pair: (Path("graze--march.path.toml"), path)
-        )
+        library = SimpleNamespace(get=shipped().get, path_between=lambda *pair: (Path("graze--march.path.toml"), path))
         pairs = [SimpleNamespace(brush="graze")]
         mixing = BrushLayer("brush", 0.5, ["march"], np.zeros((2, 2), int), PaintBounds(blend="mix"))
         told = []

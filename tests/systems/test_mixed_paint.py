@@ -244,7 +244,10 @@ def test_a_mix_that_cannot_be_says_why_and_changes_nothing(monkeypatch):
         (MixBrush("run", {"a--b.path.toml": "schema = 3"}), "a--b.path.toml"),
         (MixBrush("run", {"walk--rnu.path.toml": path_to_toml(DETOUR)}), "walk--rnu.path.toml:3: end: the file of a"),
         (MixBrush("flock", {"walk--run.path.toml": path_to_toml(DETOUR)}), "neither begins nor ends at 'flock'"),
-        (MixBrush("run", {"walk--run.path.toml": path_to_toml(HERE)}), "walk--run.path.toml:13: detour.max_turn.1.: mak"),
+        (
+            MixBrush("run", {"walk--run.path.toml": path_to_toml(HERE)}),
+            "walk--run.path.toml:13: detour.max_turn.1.: mak",
+        ),
         (MixBrush("run", {"walk--run.path.toml": path_to_toml(DETOUR)}), "max_turn must be 10"),
     ):
         monkeypatch.setattr(palette_module, "steps_between", refusing)

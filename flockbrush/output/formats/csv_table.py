@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
-from flockbrush.engine.files import write_text
+from flockbrush.film.track_table import about_file
 from flockbrush.output.exporter import Exporter, exporter
 
 
@@ -20,7 +17,7 @@ class Csv(Exporter):
 
     @classmethod
     def beside(cls, path):
-        return [Path(f"{path}.json")]
+        return [about_file(path)]
 
     def open(self):
         from flockbrush.output.trajectory_table import COLUMNS
@@ -45,12 +42,11 @@ class Csv(Exporter):
         self.frames += 1
 
     def finish(self):
-        from flockbrush.output.trajectory_table import metadata_of, names_in_tables
+        from flockbrush.output.trajectory_table import metadata_of, names_in_tables, write_about
 
         self._file.close()
         about = metadata_of(self.simulation, self.fps) | {"frames": self.frames, **names_in_tables(self.simulation)}
-        text = json.dumps(about, indent=2)
-        write_text(self.beside(self.path)[0], text + "\n")
+        write_about(self.path, about)
 
     def let_go(self):
         self._file.close()

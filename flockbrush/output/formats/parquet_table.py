@@ -20,27 +20,27 @@ class Parquet(Exporter):
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        from flockbrush.output.trajectory_table import COLUMNS, TEXTS, metadata_of
+        from flockbrush.output.trajectory_table import TEXTS, columns_of, metadata_of
 
         self._pa, self._waiting, self._rows = pa, [], 0
         words = pa.dictionary(pa.int32(), pa.string())
         kinds = {"frame": pa.int32(), "id": pa.int64(), "reference": pa.int64()}
         kinds |= dict.fromkeys(TEXTS, words)
-        schema = pa.schema([(name, kinds.get(name, pa.float64())) for name in COLUMNS])
+        schema = pa.schema([(name, kinds.get(name, pa.float64())) for name in columns_of(self.simulation)])
         about = {key: str(value) for key, value in metadata_of(self.simulation, self.fps).items()}
         self._writer = pq.ParquetWriter(self.temporary, schema.with_metadata(about), compression="zstd")
         self._schema = self._writer.schema
 
     def take(self, moment):
-        from flockbrush.output.trajectory_table import COLUMNS, table_of
+        from flockbrush.output.trajectory_table import table_of
 
         pa = self._pa
         table, words = table_of(self.simulation, moment, self.frames)
-        arrays = {name: pa.array(table[name]) for name in COLUMNS if name not in words}
+        arrays = {name: pa.array(values) for name, values in table.items() if name not in words}
         for name, texts in words.items():
             codes = pa.array(table[name].astype("int32"))
             arrays[name] = pa.DictionaryArray.from_arrays(codes, pa.array(texts, pa.string()))
-        self._waiting.append(pa.Table.from_arrays([arrays[name] for name in COLUMNS], schema=self._schema))
+        self._waiting.append(pa.Table.from_arrays([arrays[name] for name in self._schema.names], schema=self._schema))
         self._rows += len(moment)
         self.frames += 1
         if self._rows >= self._ROWS:
