@@ -134,7 +134,7 @@ class Reference(NamedTuple):
 class Condition(BaseModel):
     """Base of all kinds of condition."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True, validate_default=True)
     word: ClassVar[str] = ""  # by which a program asks for it; "": the name of the first field
     inner: ClassVar[str] = ""  # "one" or "many": the first field holds conditions
     remembers: ClassVar[bool] = False  # it asks `Senses.last`: `held` is remembered for it
@@ -176,6 +176,18 @@ class Condition(BaseModel):
         return self._stream
 
     _stream: str = ""
+
+
+def answer(condition: Condition, senses: Senses, rows: np.ndarray, question: str = "holds") -> np.ndarray:
+    """(k,) bool: what `Condition.holds`, or ``held``, says; TypeError with the condition's word for anything else."""
+    said = getattr(condition, question)(senses, rows)
+    if isinstance(said, np.ndarray) and said.dtype == bool and said.shape == rows.shape:
+        return said
+    got = f"{said.dtype} of shape {said.shape}" if isinstance(said, np.ndarray) else shown(said)
+    raise TypeError(
+        f"condition {condition.word!r}: {question}(senses, rows) must return a bool array of shape {rows.shape}, "
+        f"got {got}"
+    )
 
 
 def given(default, meaning: str, **bounds):
@@ -264,7 +276,7 @@ def plain(condition: Condition) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for k, (name, field) in enumerate(type(condition).model_fields.items()):
         value = getattr(condition, name)
-        if k and value == field.default:
+        if k and (name not in condition.model_fields_set or value == field.default):
             continue
         name = name if k else condition.word
         if isinstance(value, Condition):

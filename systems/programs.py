@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 from flockbrush.behaviours.program import EVERY, Program, load_program
-from flockbrush.behaviours.trigger import Happening
+from flockbrush.behaviours.trigger import Happening, answer
 from flockbrush.components import (
     Alarm,
     Body,
@@ -205,7 +205,7 @@ class RunPrograms(System):
             candidates = compiled.sources[k][state] & open_ & ((pending < 0) | (pending > k))
             if not candidates.any():
                 continue
-            held = np.flatnonzero(candidates)[trigger.when.holds(senses, rows[candidates])]
+            held = np.flatnonzero(candidates)[answer(trigger.when, senses, rows[candidates])]
             if trigger.delay is not None and trigger.delay.high > 0.0:
                 pending[held] = k
                 wait = senses.drawn(f"program {compiled.program.name} delay {k}", trigger.delay, rows[held])
@@ -227,7 +227,7 @@ class RunPrograms(System):
     def _remember(agents, compiled, senses, rows):
         """Note who has just now what the program remembers."""
         for slot, part in enumerate(compiled.memories):
-            held = rows[part.held(senses, rows)]
+            held = rows[answer(part, senses, rows, "held")]
             agents[ProgramState.memory][held, slot] = senses.tick
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.behaviours.trigger import Condition, condition, given
+from flockbrush.behaviours.trigger import Condition, answer, condition, given
 
 
 @condition
@@ -16,7 +16,7 @@ class All(Condition):
     def holds(self, senses, rows):
         held = np.ones(len(rows), bool)
         for part in self.all:
-            held[held] = part.holds(senses, rows[held])
+            held[held] = answer(part, senses, rows[held])
             if not held.any():
                 break
         return held
@@ -35,7 +35,7 @@ class Any(Condition):
     def holds(self, senses, rows):
         held = np.zeros(len(rows), bool)
         for part in self.any:
-            held[~held] = part.holds(senses, rows[~held])
+            held[~held] = answer(part, senses, rows[~held])
             if held.all():
                 break
         return held
@@ -53,7 +53,7 @@ class Not(Condition):
     denied: Condition = given(..., "a condition")
 
     def holds(self, senses, rows):
-        return ~self.denied.holds(senses, rows)
+        return ~answer(self.denied, senses, rows)
 
     def parts(self):
         return (self.denied,)

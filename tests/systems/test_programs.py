@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from flockbrush.behaviours import trigger
+from flockbrush.behaviours.amounts import Length
 from flockbrush.behaviours.program import shipped_programs
 from flockbrush.components import BrushBinding, ProgramState
 from flockbrush.engine.commands import CommandError, Commands
@@ -283,6 +285,74 @@ def stampede(seed=3, **more):
     scene.submit(Event("alarm", 110.0, 90.0, 20.0), tick=40)
     scene.submit(RemoveAnimals(90.0, 90.0, 2.0), tick=60)
     return scene
+
+
+# conditions of a user ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def own_conditions(monkeypatch):
+    monkeypatch.setattr(trigger, "_kinds", dict(trigger.conditions()))
+
+
+@pytest.mark.parametrize("when", ["{{ {0} = 1 }}", "{{ not = {{ {0} = 1 }} }}", "{{ all = [{{ {0} = 1 }}] }}",
+                                  "{{ any = [{{ {0} = 1 }}] }}"])  # fmt: skip
+@pytest.mark.parametrize(
+    ("said", "got"),
+    [
+        (lambda k: None, "None"),
+        (lambda k: True, "true"),
+        (lambda k: np.ones(k + 1, bool), r"bool of shape \(3,\)"),
+        (lambda k: np.ones(k), r"float64 of shape \(2,\)"),
+    ],
+)
+def test_what_a_condition_must_not_answer_is_told_with_its_name(own_conditions, when, said, got):
+    @trigger.condition
+    class Odd(trigger.Condition):
+        odd: int
+
+        def holds(self, senses, rows):
+            return said(len(rows))
+
+    scene = world(two_states(when.format("odd")), [HERE, FAR])
+    with pytest.raises(TypeError, match=r"condition 'odd': holds.* must return a bool array of .*\(2,\), got " + got):
+        scene.run(1)
+
+
+def test_what_a_condition_remembers_is_checked_as_its_answer(own_conditions):
+    @trigger.condition
+    class Recalls(trigger.Condition):
+        remembers = True
+        recalls: int
+
+        def memory(self):
+            return ("recalls",)
+
+        def held(self, senses, rows):
+            return None
+
+        def holds(self, senses, rows):
+            return np.zeros(len(rows), bool)
+
+    with pytest.raises(TypeError, match=r"condition 'recalls': held.* must return a bool array .* got None"):
+        world(two_states("{ recalls = 1 }"), [HERE]).run(1)
+
+
+def test_a_default_of_a_condition_in_words_is_an_amount(own_conditions):
+    @trigger.condition
+    class Longish(trigger.Condition):
+        longish: Length
+        at_most: Length = trigger.given("100 m", "no longer than this")
+
+        def holds(self, senses, rows):
+            length = senses.length[rows]
+            return (length >= self.longish.of(length)) & (length <= self.at_most.of(length))
+
+    scene = world(two_states('{ longish = "0.5 m" }'), [HERE])
+    scene.run(1)
+    assert states(scene) == ["moved"]
+    (rule,) = scene.world.resource(Programs).programs[0].triggers
+    assert trigger.plain(rule.when) == {"longish": "0.5 m"}
 
 
 # what people are told -----------------------------------------------------------------------
