@@ -11,6 +11,7 @@ import typing
 from dataclasses import MISSING, dataclass, fields
 from difflib import get_close_matches
 
+import numpy as np
 from flockbrush.engine import limits
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.plugins import load_entry_points
@@ -150,11 +151,30 @@ def from_record(name, values):
 
 
 def to_json(cmd):
-    """A command as JSON, ``[name, fields]``; ValueError when a field cannot be."""
+    """A command as JSON, ``[name, fields]``, with numpy's numbers and arrays as Python's.
+
+    Raises
+    ------
+    ValueError
+        When a field cannot be.
+    """
+    name, values = to_record(cmd)
+    written = (f"{json.dumps(field)}:{_written(f'{name}.{field}', value)}" for field, value in values.items())
+    return f"[{json.dumps(name)},{{{','.join(written)}}}]"
+
+
+def _written(where, value):
     try:
-        return json.dumps(to_record(cmd), allow_nan=False, separators=(",", ":"))
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{type(cmd).__name__} cannot be recorded: {error}") from None
+        return json.dumps(value, default=_as_python, separators=(",", ":"))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"{where} cannot be recorded: {error}") from None
+
+
+def _as_python(value):
+    """A number or an array of numpy as Python's, for JSON."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise TypeError(f"{_short(repr(value))} is neither a number nor a string, boolean, list or dict")
 
 
 def from_json(text):
@@ -166,7 +186,7 @@ def from_json(text):
         When it is no such text, or a value in it is of the wrong type, not finite or out of all bounds.
     """
     try:
-        pair = json.loads(text, parse_constant=_not_a_number)
+        pair = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"it is not valid JSON: {error}") from None
     if not (isinstance(pair, list) and len(pair) == 2 and isinstance(pair[0], str) and isinstance(pair[1], dict)):
@@ -177,23 +197,21 @@ def from_json(text):
     return from_record(name, values)
 
 
-def _not_a_number(word):
-    raise ValueError(f"{word} is not allowed as a number in a command")
-
-
 def _check_sound(where, value, depth):
-    """ValueError unless every number in a value is within `limits.COMMAND_SIZE`, and every text is one."""
+    """ValueError unless every number in a value is finite and within `limits.COMMAND_SIZE`, and every text is one."""
     if isinstance(value, (list, dict)):
         if not depth:
             raise ValueError(f"{where} has lists nested more than {limits.COMMAND_DEPTH} deep")
         parts = [*value, *value.values()] if isinstance(value, dict) else value
         if set(map(type, parts)) <= {int, float}:
-            parts = (min(parts), max(parts)) if parts else ()
+            parts = [part for part in parts if part != part] or ((min(parts), max(parts)) if parts else ())
         for part in parts:
             _check_sound(where, part, depth - 1)
     elif isinstance(value, str):
-        if any("\ud800" <= letter <= "\udfff" for letter in value):
+        if not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
             raise ValueError(f"{where} contains an incomplete character (a lone surrogate)")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{where} must be a finite number, got {value}")
     elif abs(value or 0) > _FARTHEST.get(type(value), 1):
         raise ValueError(f"{where} must be within ±{_FARTHEST[type(value)]:g}, got {_short(repr(value))}")
 
@@ -204,7 +222,7 @@ def _short(text):
 
 def _as_replayed(cmd):
     """The command as a recording gives it back, so that a 2 that will be a 2.0 is one from the first."""
-    return from_record(*json.loads(to_json(cmd)))
+    return from_json(to_json(cmd))
 
 
 @functools.cache

@@ -84,11 +84,29 @@ def test_what_cannot_be_recorded_is_refused_at_once(world):
     queue = world.resource(Commands)
     with pytest.raises(TypeError, match="str is not a command"):
         queue.submit("come")
-    with pytest.raises(ValueError, match="cannot be recorded"):
-        queue.submit(Call("a", notes=[object()]))
-    with pytest.raises(ValueError, match="cannot be recorded"):
-        queue.submit(Call("a", notes=[float("nan")]))
+    endless = []
+    endless.append(endless)
+    for call, words in (
+        (Call("a", notes=[object()]), "Call.notes cannot be recorded: <object .*> is neither a number nor a string"),
+        (Call("a", notes=endless), "Call.notes cannot be recorded: Circular"),
+        (Call("a", notes=[1.0, float("nan")]), "Call.notes must be a finite number, got nan"),
+        (Call("a", notes=np.array([[1.0, np.inf]])), "Call.notes must be a finite number, got inf"),
+        (Call("a", loud=np.float32("nan")), "Call.loud must be a finite number, got nan"),
+        (Call("a", 1e16), r"Call.loud must be within ±1e\+15, got 1e\+16"),
+        (Call("a", times=np.float64(3)), "Call.times must be a whole number, got 3.0"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            queue.submit(call)
     assert queue.pending == []
+
+
+def test_numbers_and_arrays_of_numpy_are_those_of_python(world):
+    queue, ids = world.resource(Commands), np.array([3, 5])
+    queue.submit(Call("a", np.float32(0.1), np.int64(2), np.float64(0.1), list(ids), np.True_))
+    queue.submit(Call("b", np.int32(4), notes=np.array([(0.5, 1.0), (0.1, 2.0)])))
+    one, other = (cmd for _, cmd in queue.pending)
+    assert to_json(one) == to_json(Call("a", float(np.float32(0.1)), 2, 0.1, [3, 5], True))
+    assert other == Call("b", 4.0, notes=[[0.5, 1.0], [0.1, 2.0]])
 
 
 def test_a_name_is_given_once():

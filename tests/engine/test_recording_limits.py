@@ -83,8 +83,8 @@ def test_what_a_later_version_adds_to_a_header_passes(path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('["Whistle", {"metres": NaN}]', "NaN is not allowed as a number in a command"),
-        ('["Whistle", {"metres": 1, "words": [[1, -Infinity]]}]', "-Infinity is not allowed as a number in a command"),
+        ('["Whistle", {"metres": NaN}]', "Whistle.metres must be a finite number, got nan"),
+        ('["Whistle", {"metres": 1, "words": [[1, -Infinity]]}]', "Whistle.words must be a finite number, got -inf"),
         ('["Whistle", {"metres": 1e300}]', "Whistle.metres must be within ±1e+15, got 1e+300"),
         ('["Whistle", {"metres": 1, "words": [1, [1e99]]}]', "Whistle.words must be within ±1e+15, got 1e+99"),
         ('["Whistle", {"metres": 1, "words": [36893488147419103232]}]', "Whistle.words must be within ±9.22337e+18"),
