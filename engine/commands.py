@@ -132,8 +132,11 @@ def from_record(name, values):
     Raises
     ------
     ValueError
-        For an unknown name or field, a missing one, or a value of the wrong type, with what there is.
+        For an unknown name or field, a missing one, or a value of the wrong type, with what there is; for one that is
+        not finite or out of all bounds.
     """
+    for field, value in values.items():
+        _check_sound(f"{_short(name)}.{_short(field)}", value, limits.COMMAND_DEPTH)
     known_commands = commands()
     if name not in known_commands:
         instead = f"; {GONE[name]}" if name in GONE else _instead(name, known_commands)
@@ -191,15 +194,12 @@ def from_json(text):
         raise ValueError(f"it is not valid JSON: {error}") from None
     if not (isinstance(pair, list) and len(pair) == 2 and isinstance(pair[0], str) and isinstance(pair[1], dict)):
         raise ValueError("it must be [name, {field: value, ...}]")
-    name, values = pair
-    for field, value in values.items():
-        _check_sound(f"{_short(name)}.{_short(field)}", value, limits.COMMAND_DEPTH)
-    return from_record(name, values)
+    return from_record(*pair)
 
 
 def _check_sound(where, value, depth):
     """ValueError unless every number in a value is finite and within `limits.COMMAND_SIZE`, and every text is one."""
-    if isinstance(value, (list, dict)):
+    if isinstance(value, (list, tuple, dict)):
         if not depth:
             raise ValueError(f"{where} has lists nested more than {limits.COMMAND_DEPTH} deep")
         parts = [*value, *value.values()] if isinstance(value, dict) else value
@@ -212,7 +212,7 @@ def _check_sound(where, value, depth):
             raise ValueError(f"{where} contains an incomplete character (a lone surrogate)")
     elif isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f"{where} must be a finite number, got {value}")
-    elif abs(value or 0) > _FARTHEST.get(type(value), 1):
+    elif type(value) in _FARTHEST and abs(value) > _FARTHEST[type(value)]:
         raise ValueError(f"{where} must be within ±{_FARTHEST[type(value)]:g}, got {_short(repr(value))}")
 
 

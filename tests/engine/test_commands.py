@@ -92,6 +92,7 @@ def test_what_cannot_be_recorded_is_refused_at_once(world):
         (Call("a", notes=[1.0, float("nan")]), "Call.notes must be a finite number, got nan"),
         (Call("a", notes=np.array([[1.0, np.inf]])), "Call.notes must be a finite number, got inf"),
         (Call("a", loud=np.float32("nan")), "Call.loud must be a finite number, got nan"),
+        (Call("a", notes=[[0.0, 1e300]]), r"Call.notes must be within ±1e\+15, got 1e\+300"),
         (Call("a", 1e16), r"Call.loud must be within ±1e\+15, got 1e\+16"),
         (Call("a", times=np.float64(3)), "Call.times must be a whole number, got 3.0"),
     ):

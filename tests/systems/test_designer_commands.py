@@ -210,7 +210,6 @@ BAD = [
     (AddObstacle("line", [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]), "lie in one line"),
     (AddObstacle("odd", [[0.0, 0.0], [1.0], [2.0, 2.0]]), "must be pairs of numbers"),
     (AddObstacle("odd", ["here", "there", "everywhere"]), "must be pairs of numbers"),
-    (AddObstacle("odd", [[0.0, 0.0], [1e300, 0.0], [0.0, 1.0]]), "must be pairs of numbers"),
     (AddObstacle("all", box(-1, -1, 41, 41).tolist()), "has no room to step aside"),
     (RemoveObstacle("born"), "no obstacle 'born'; did you mean 'barn'"),
     (MoveGoal("gaet", 1.0, 1.0), "no goal 'gaet'; did you mean 'gate'"),
