@@ -21,7 +21,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 from flockbrush.behaviours.brush_tables import Provenance, SpeedSpec, VisionSpec
 from flockbrush.behaviours.brush_writer import brush_to_toml
@@ -30,6 +30,7 @@ from flockbrush.behaviours.spec import FileSpec, Line, Text, spec_field
 from flockbrush.behaviours.species import BodySpec, SpeciesLibrary, shipped_species
 from flockbrush.behaviours.tomlfile import Key, TomlFile
 from flockbrush.behaviours.validation import shown, validated
+from flockbrush.engine.arguments import checked
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from pydantic import BaseModel, Field, SerializeAsAny, model_validator
@@ -214,6 +215,7 @@ def _params_of(model: str, models: Mapping[str, Any] | None = None) -> type[Base
     return models[model].Params
 
 
+@checked()
 def load_brush(
     source: str | os.PathLike | bytes, file: str | None = None, models: Mapping[str, Any] | None = None
 ) -> Brush:
@@ -414,6 +416,14 @@ class BrushLibrary(FileLibrary):
         return problems
 
 
+@runtime_checkable
+class BrushSource(Protocol):
+    """Where brushes are looked up: a `BrushLibrary`, or what gives some as it does."""
+
+    def get(self, name: str) -> Brush:
+        """The brush of this name; ProblemsError where there is none."""
+
+
 _PARSED: dict[tuple[str, bytes], tuple[Brush, Any]] = {}  # with the model it was checked by
 MOST_PARSED = 1024
 
@@ -444,6 +454,7 @@ def shipped() -> BrushLibrary:
     return BrushLibrary([Path(__file__).parent / "brushes"])
 
 
+@checked(brush="a Brush, such as flockbrush.shipped().get('march')")
 def save_brush(brush: Brush, folder: str | os.PathLike, overwrite: bool = False) -> Path:
     """Save a brush as ``NAME.brush.toml``, all of it or nothing.
 

@@ -134,7 +134,9 @@ class Reference(NamedTuple):
 class Condition(BaseModel):
     """Base of all kinds of condition."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True, validate_default=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True, validate_default=True
+    )
     word: ClassVar[str] = ""  # by which a program asks for it; "": the name of the first field
     inner: ClassVar[str] = ""  # "one" or "many": the first field holds conditions
     remembers: ClassVar[bool] = False  # it asks `Senses.last`: `held` is remembered for it

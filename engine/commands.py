@@ -13,6 +13,7 @@ from difflib import get_close_matches
 
 import numpy as np
 from flockbrush.engine import limits
+from flockbrush.engine.arguments import whole
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.plugins import load_entry_points
 
@@ -273,10 +274,12 @@ class Commands:
         Raises
         ------
         TypeError
-            When it is no registered command.
+            When it is no registered command, or the tick no whole number.
         ValueError
-            When a field is of the wrong type or no recording can hold it.
+            When a field is of the wrong type or no recording can hold it; for a tick below 0.
         """
+        if whole("tick", tick) < 0:
+            raise ValueError(f"tick must be at least 0, got {tick}")
         if COMMANDS.get(type(cmd).__name__) is not type(cmd):
             raise TypeError(f"{type(cmd).__name__} is not a command; mark its class with @command")
         self._push(tick, _as_replayed(cmd), key)

@@ -19,6 +19,7 @@ from functools import lru_cache
 from operator import index
 
 import numpy as np
+from flockbrush.engine.arguments import whole
 from flockbrush.engine.maths import float_of_, kernel_function, log_
 from numba import njit
 
@@ -156,14 +157,6 @@ def seed_of(seed) -> int:
     if not 0 <= whole("seed", seed) <= LARGEST_SEED:
         raise ValueError(f"seed must be a whole number from 0 to {LARGEST_SEED}, got {seed}")
     return index(seed)
-
-
-def whole(name: str, value) -> int:
-    """A whole number that somebody gave under this name; TypeError for anything else."""
-    try:
-        return index(value)
-    except TypeError:
-        raise TypeError(f"{name} must be a whole number, got {value!r}") from None
 
 
 class Noise:

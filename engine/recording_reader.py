@@ -16,6 +16,7 @@ from functools import cached_property
 from pathlib import Path
 
 from flockbrush.engine import limits
+from flockbrush.engine.arguments import checked
 from flockbrush.engine.commands import from_json
 from flockbrush.engine.recording_format import (
     ASSET,
@@ -125,6 +126,7 @@ class RecordedRun:
         return max((t for t in self.keyframes if t <= tick), default=None)
 
 
+@checked()
 def open_recording(path: str | os.PathLike) -> RecordedRun:
     """Open a recording.
 

@@ -10,15 +10,16 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from flockbrush.behaviours.brush import Brush, BrushLibrary, shipped
+from flockbrush.behaviours.brush import Brush, BrushSource, shipped
 from flockbrush.behaviours.mixture import path_between
 from flockbrush.behaviours.program import known_brushes
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import AGENT
 from flockbrush.components.level_things import ENUMS
+from flockbrush.engine.arguments import checked
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import Commands, from_record, tick_at
-from flockbrush.engine.noise import Noise, seed_of, whole
+from flockbrush.engine.noise import Noise, seed_of
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.engine.schedule import Schedule
 from flockbrush.engine.world import World
@@ -99,9 +100,10 @@ class Simulation:
         self.schedule.run(self.world)
         self.clock.tick += 1
 
+    @checked()
     def run(self, ticks: int) -> None:
-        """Run some ticks; ValueError where it is no whole number, or less than 0."""
-        if whole("ticks", ticks) < 0:
+        """Run some ticks; TypeError or ValueError where it is no whole number, or less than 0."""
+        if ticks < 0:
             raise ValueError(f"ticks must be at least 0, got {ticks}")
         for _ in range(ticks):
             self.tick()
@@ -179,11 +181,12 @@ def systems():
     ]
 
 
+@checked(level="a Level, such as flockbrush.read_level(path) gives", library="a BrushLibrary")
 def build(
     level: Level,
     seed: int | None = None,
     agents: int | None = None,
-    library: BrushLibrary | None = None,
+    library: BrushSource | None = None,
     shuffle_seed: int | None = None,
 ) -> Simulation:
     """Build the simulation of a level.
@@ -347,18 +350,19 @@ def _farthest_view(level, palette):
 def _bear_first(world, level):
     """Spawns that start at once bring their animals before the first tick; the others later."""
     world.insert(nursery := Nursery())
-    problems = []
+    problems, full = [], None
     for spawn in level.spawns:
         born = 0
         if births_due(spawn, 0.0) >= spawn.count > 0 and spawn.start <= 0:
             born = spawn.count
             try:
                 spawn_animals(world, spawn, spawn.count, f"spawn {spawn.id}")
-            except NoRoom as full:
+            except NoRoom as error:
+                full = error
                 problems.append(_no_room(level, spawn, full))
         nursery.put(replace(spawn), born)
     if problems:
-        raise ProblemsError(problems)
+        raise ProblemsError(problems) from full
 
 
 def _no_room(level, spawn, full):
@@ -390,6 +394,7 @@ def _queue_script(simulation, level):
 # without a level file --------------------------------------------------------------
 
 
+@checked(brush="a Brush, such as flockbrush.shipped().get('march')")
 def plane(
     brush: Brush,
     count: int,
@@ -416,10 +421,13 @@ def plane(
     ------
     TypeError, ValueError
         When something is not of its kind, or out of range.
+    ProblemsError
+        When so many animals have no room at this density.
     """
     return herds_apart([brush], count, density, start, seed, heading, body_length)
 
 
+@checked()
 def herds_apart(
     brushes: Sequence[Brush],
     count: int,
@@ -443,12 +451,10 @@ def herds_apart(
 
     The others as `plane`.
     """
-    if not all(isinstance(brush, Brush) for brush in brushes):
-        raise TypeError("a herd needs a Brush, such as flockbrush.shipped().get('march')")
     if start not in ENUMS["Formation"]:
         raise ValueError(f"start must be one of {', '.join(ENUMS['Formation'])}, got {start!r}")
     length = brushes[0].body.length if body_length is None else body_length
-    if not (whole("count", count) >= 0 and 0 < density < math.inf and 0 < length < math.inf):
+    if not (count >= 0 and 0 < density < math.inf and 0 < length < math.inf):
         raise ValueError(f"count must be at least 0, density and body_length above 0: {count}, {density}, {length}")
     side = math.sqrt(count / density) * length
     size = max(3 * side + 20 * length, apart)
@@ -468,7 +474,13 @@ def herds_apart(
     width, depth = size * columns, size * math.ceil(len(brushes) / columns)
     cell = max(max(width, depth) / 64, length)
     level = Level("plane", None, width, depth, cell, "open", seed, spawns=spawns)  # type: ignore[arg-type]
-    return build(level, library=_Named(brushes))  # type: ignore[arg-type]
+    try:
+        return build(level, library=_Named(brushes))
+    except ProblemsError as error:
+        if not isinstance(error.__cause__, NoRoom):
+            raise
+        words = f"{error.__cause__} at {density:g} per square body length"
+        raise ProblemsError([Problem("density", None, None, words)]) from None
 
 
 class _Named:

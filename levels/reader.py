@@ -8,13 +8,15 @@ Hidden layers and objects count: the eye in Tiled is for the designer's view.  L
 from __future__ import annotations
 
 import dataclasses
+import os
 import posixpath
 from pathlib import Path
 
 import numpy as np
-from flockbrush.behaviours.brush import SUFFIX, load_brush
+from flockbrush.behaviours.brush import SUFFIX, BrushSource, load_brush
 from flockbrush.behaviours.program import Program, shipped_programs
 from flockbrush.behaviours.species import shipped_species
+from flockbrush.engine.arguments import checked
 from flockbrush.engine.file_formats import misfit
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError, did_you_mean
@@ -46,7 +48,8 @@ from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.levels.tileset_reader import TilesetReader
 
 
-def read_level(path, library=None, commands=None) -> Level:
+@checked()
+def read_level(path: str | os.PathLike, library: BrushSource | None = None, commands=None) -> Level:
     """The level in a TMJ file.
 
     Parameters

@@ -200,17 +200,57 @@ def test_a_broken_measure_is_named_until_it_is_registered_again(monkeypatch):
         measures.measure(register)
 
 
-def test_a_number_of_the_wrong_kind_is_told_with_its_name():
-    march = flockbrush.shipped().get("march")
+MARCH = flockbrush.shipped().get("march")
+WRONG = [
+    ("start", (3,), {}, "name must be the name of a shipped level or a path, got 3"),
+    ("start", ("meadow",), {"agents": 1.5}, "agents must be a whole number, got 1.5"),
+    ("start", ("meadow",), {"seed": "7"}, "seed must be a whole number, got '7'"),
+    ("start", ("meadow",), {"seed": True}, "seed must be a whole number, got True"),
+    ("plane", ("march", 10), {}, r"brush must be a Brush, such as flockbrush.shipped\(\).get\('march'\), got 'march'"),
+    ("plane", (MARCH, 2.5), {}, "count must be a whole number, got 2.5"),
+    ("plane", (MARCH, 10), {"density": "a"}, "density must be a number, got 'a'"),
+    ("plane", (MARCH, 10), {"heading": "north"}, "heading must be a number, got 'north'"),
+    ("plane", (MARCH, 10), {"heading": np.float32("nan")}, "heading must be a finite number, got nan"),
+    ("plane", (MARCH, 10), {"seed": None}, "seed must be a whole number, got None"),
+    ("build", ("meadow",), {}, "level must be a Level, such as flockbrush.read_level.*, got 'meadow'"),
+    ("rebuild", ("a.flock",), {}, "run must be a recording, such as flockbrush.open_recording.*, got 'a.flock'"),
+    ("record", ("a.flock", 3), {}, "simulation must be a Simulation, such as flockbrush.start.*, got 3"),
+    ("record", (3, 4), {}, "path must be a string or a path, got 3"),
+    ("save_brush", ("a.brush.toml", MARCH), {}, "brush must be a Brush, such as .*, got 'a.brush.toml'"),
+    ("load_brush", (3,), {}, "source must be a string or a path or bytes, got 3"),
+    ("read_level", (3,), {}, "path must be a string or a path, got 3"),
+    ("open_recording", (3,), {}, "path must be a string or a path, got 3"),
+    ("learn", (3,), {}, "tracks must be a file of tracks or a film, an array, or a sequence of these, got 3"),
+    ("learn", (["a.csv"],), {"fps": "10"}, "fps must be a number, got '10'"),
+]
+
+
+@pytest.mark.parametrize(("name", "args", "kwargs", "words"), WRONG, ids=lambda part: str(part)[:40])
+def test_an_argument_of_the_wrong_kind_is_told_with_its_name(name, args, kwargs, words):
+    with pytest.raises(ValueError if "finite" in words else TypeError, match=f"^{words}$"):
+        getattr(flockbrush, name)(*args, **kwargs)
+
+
+def test_arguments_of_a_simulation_are_told_with_their_names(tmp_path):
+    herd = flockbrush.plane(MARCH, 2)
+    gone, meadow = RemoveAnimals(0, 0, 0), flockbrush.start("meadow", agents=2)
     for call, words in (
-        (lambda: flockbrush.start("meadow", agents=1.5), "agents must be a whole number, got 1.5"),
-        (lambda: flockbrush.start("meadow", seed="7"), "seed must be a whole number, got '7'"),
-        (lambda: flockbrush.start(3), "a level is the name of a shipped one or a path, got 3"),
-        (lambda: flockbrush.plane(march, count=2.5), "count must be a whole number"),
-        (lambda: flockbrush.plane(march, count=2).run("5"), "ticks must be a whole number, got '5'"),
+        (lambda: herd.run("5"), "ticks must be a whole number, got '5'"),
+        (lambda: herd.submit(gone, tick=2.9), "tick must be a whole number, got 2.9"),
+        (lambda: herd.submit(gone, tick="x"), "tick must be a whole number, got 'x'"),
+        (lambda: herd.submit(gone, tick=-5), "tick must be at least 0, got -5"),
+        (lambda: flockbrush.build(meadow.level, library=3), "library must be a BrushLibrary, got 3"),
+        (lambda: flockbrush.build(herd.level, agents="3"), "agents must be a whole number, got '3'"),
+        (lambda: flockbrush.record(tmp_path / "a.flock", meadow, -1), "keyframes must be at least 0"),
+        (lambda: flockbrush.plane(count=3), r"plane\(\) missing 1 required positional argument: 'brush'"),
     ):
-        with pytest.raises(TypeError, match=words):
+        with pytest.raises((TypeError, ValueError), match=words):
             call()
+
+
+def test_a_herd_too_dense_for_a_plane_is_told_by_the_density():
+    with pytest.raises(flockbrush.ProblemsError, match=r"^density: only \d+ of 10 animals fit at 1e\+09 per square"):
+        flockbrush.plane(MARCH, 10, density=1e9)
 
 
 def test_a_measure_is_one_function(monkeypatch):

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from flockbrush.behaviours.brush import Brush
+from flockbrush.engine.arguments import checked
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.film.arena import Arena
 from flockbrush.film.open_clip import Looking
@@ -80,6 +81,7 @@ class LearnedBrush:
         raise KeyError(f"there is no parameter {name!r}; there are {', '.join(p.name for p in self.parameters)}")
 
 
+@checked(tracks="a file of tracks or a film, an array, or a sequence of these")
 def learn(
     tracks: Tracks | Sequence[Tracks], *, unit: str | None = None, fps: float | None = None,
     body_length: float | None = None, frames: tuple[int, int] | None = None, arena: str | None = None,

@@ -18,11 +18,11 @@ import flockbrush
 from flockbrush import levels
 from flockbrush.behaviours.brush import SUFFIX, Brush, load_brush
 from flockbrush.engine import limits
+from flockbrush.engine.arguments import checked
 from flockbrush.engine.commands import Commands
 from flockbrush.engine.files import output_problems, refused, sha256_of
 from flockbrush.engine.keyframe_spacing import KeyframeSpacing
 from flockbrush.engine.locks import Advice
-from flockbrush.engine.noise import whole
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.engine.recording import MANY, RecordedRun, Recorder, Recording, RecordingError, resume
 from flockbrush.engine.recording_format import packed_size
@@ -62,8 +62,6 @@ def find_level(name) -> Path:
     ProblemsError
         When there is neither.
     """
-    if not isinstance(name, (str, os.PathLike)):
-        raise TypeError(f"a level is the name of a shipped one or a path, got {name!r}")
     path = Path(name)
     if str(name) in shipped_levels() and not path.is_file():
         return SHIPPED / f"{name}.tmj"
@@ -80,6 +78,9 @@ def open_level(name):
     return level, brush_library(path, level.files)
 
 
+@checked(
+    name="the name of a shipped level or a path", brush=f"a Brush, the name of one or a {SUFFIX} file",
+)  # fmt: skip
 def start(
     name: str | os.PathLike, seed: int | None = None, agents: int | None = None,
     brush: Brush | str | os.PathLike | None = None,
@@ -119,7 +120,7 @@ def _with_brush(level, library, brush):
     left = sorted({spawn.program for spawn in level.spawns if spawn.program})
     if left:
         message = f"{level.name}: all animals have the brush {asset.name}, without programs: {', '.join(left)} left out"
-        warnings.warn(Advice(message), stacklevel=3)
+        warnings.warn(Advice(message), stacklevel=4)
     built = build(level, library=library)
     files = built.assets()
     built.close()
@@ -135,17 +136,15 @@ def _with_brush(level, library, brush):
     files[name] = json.dumps(document).encode()
     if others := [file for file in put_brush(files, asset.name, asset.source) if file in level.files]:
         message = f"{level.name}: the brush {asset.name} that is given counts everywhere, not {', '.join(others)}"
-        warnings.warn(Advice(message), stacklevel=3)
+        warnings.warn(Advice(message), stacklevel=4)
     library = recorded_library(files)
     return read_level_files(files, library), library
 
 
 def _brush_given(brush, library):
-    """The brush that is meant; TypeError where it is none, ProblemsError where there is none."""
+    """The brush that is meant; ProblemsError where there is none."""
     if isinstance(brush, Brush):
         return brush
-    if not isinstance(brush, str | os.PathLike):
-        raise TypeError(f"brush must be a Brush, the name of one or a {SUFFIX} file, got {brush!r}")
     path = Path(brush)
     return load_brush(path) if path.name.endswith(SUFFIX) else library.get(str(brush))
 
@@ -159,7 +158,7 @@ def begin(level, library, seed=None, agents=None) -> Simulation:
     """Build the simulation of a level that was read, as `start` does; ProblemsError."""
     if agents is None:
         return build(level, seed, library=library)
-    if not 1 <= whole("agents", agents) <= limits.ANIMALS:
+    if not 1 <= agents <= limits.ANIMALS:
         raise refused(level.path, f"the number of animals must be 1 to {limits.ANIMALS}, got {agents}")
     try:
         return build(level, seed, agents, library)
@@ -181,6 +180,7 @@ def from_files(files, seed=None, agents=None) -> Simulation:
 # recordings ------------------------------------------------------------------------
 
 
+@checked(simulation="a Simulation, such as flockbrush.start('meadow') gives")
 def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | None = None) -> Recorder:
     """Begin to record the simulation of a level before its first tick; call ``take()`` after every tick.
 
@@ -201,6 +201,8 @@ def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | Non
 
 def usual_keyframes(simulation, keyframes: int | None = None) -> KeyframeSpacing:
     """When a recording has snapshots: as told, or every ten seconds and sooner where a tick takes long."""
+    if (keyframes or 0) < 0:
+        raise ValueError(f"keyframes must be at least 0, got {keyframes}")
     if keyframes:
         return KeyframeSpacing(keyframes)
     ticks = round(KEYFRAME_SECONDS / simulation.clock.dt)
@@ -248,6 +250,7 @@ def beginning_of(simulation):
     return header, assets
 
 
+@checked(run="a recording, such as flockbrush.open_recording(path) gives")
 def rebuild(run: RecordedRun) -> Simulation:
     """Rebuild the simulation of a recording before its first tick, from the files that the recording embeds.
 
