@@ -17,7 +17,7 @@ from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.programs import Programs, enrol, put_in_state, replace_program
 from flockbrush.systems.selection import OfAnimals, check_can_follow, check_circle
-from flockbrush.systems.undo import TouchedColumns, need
+from flockbrush.systems.undo import TouchedColumns, need, need_plain
 
 COLUMNS = tuple(ProgramState.fields.values())
 
@@ -194,6 +194,7 @@ class UseProgram:
 
     def program(self, world):
         """The asset; ValueError with what is wrong with it."""
+        need_plain(self.name)
         try:
             program = load_program(self.source.encode(), f"{self.name}.program.toml")
         except ProblemsError as error:

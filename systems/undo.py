@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from flockbrush.behaviours.brush import load_brush
+from flockbrush.behaviours.file_library import NAME
 from flockbrush.behaviours.mixture import load_path
+from flockbrush.behaviours.validation import shown
 from flockbrush.components import (
     Body,
     BrushBinding,
@@ -36,6 +38,11 @@ def need(fine, message):
     """Raise ValueError with this message unless the condition holds."""
     if not fine:
         raise ValueError(message)
+
+
+def need_plain(name):
+    """Raise ValueError unless this can be the name of a brush or a program: no path to one."""
+    need(NAME.fullmatch(name), f"name must be letters, digits, - and _, at most 64, got {shown(name)}")
 
 
 def goal_index(land, name):
@@ -331,6 +338,7 @@ class UseBrush:
 
     def brush(self):
         """The brush; ValueError that describes its mistakes."""
+        need_plain(self.name)
         try:
             return load_brush(self.source.encode(), f"{self.name}.brush.toml")
         except ProblemsError as error:

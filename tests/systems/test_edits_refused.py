@@ -2,12 +2,16 @@
 
 import pytest
 from edited_scene import SQUARE, do, scene
+from flockbrush.behaviours.brush import shipped
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.state import state_hash
 from flockbrush.systems.commands import AddObstacle, PaintCells, RemoveObstacle
 from flockbrush.systems.edits import DrawGuide, MarkSpawn, Paint, PlaceExit, PlaceGoal, RemoveThing, UseBrush
+from flockbrush.systems.program_commands import UseProgram
 from small_herd import box
 
+RUN = shipped().get("march").source.decode()
+PROGRAM = 'schema = "flockbrush.program/1"\n[state.a]\n'
 BAD = [
     (Paint("brush", "run", -50.0, 5.0, -40.0, 5.0, 3.0), "the stroke is not on the map, which is 40 x 40 m"),
     (Paint("brush", "rnu", 5.0, 5.0, 6.0, 5.0, 3.0), "no brush 'rnu'; it has calm, run"),
@@ -52,6 +56,10 @@ BAD = [
     (RemoveThing("goal", 77), "there is no goal 77 in this world"),
     (RemoveThing("gaol", 21), "there is no 'gaol' to remove; did you mean 'goal'"),
     (UseBrush("bad", "schema = 3"), "bad.brush.toml"),
+    (UseBrush("../run", RUN), "name must be letters, digits, - and _, at most 64, got '../run'"),
+    (UseBrush("a/run", RUN), "name must be letters, digits, - and _, at most 64, got 'a/run'"),
+    (UseBrush("run a", RUN), "name must be letters, digits, - and _, at most 64, got 'run a'"),
+    (UseProgram("a/small", PROGRAM), "name must be letters, digits, - and _, at most 64, got 'a/small'"),
 ]
 
 
