@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from flockbrush.behaviours import drive as drive_module
 from flockbrush.behaviours.drive import DriveParameters, Urges, drive, drives
+from flockbrush.behaviours.drives.land import LANDING, TAKING_OFF
 from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
-from flockbrush.components import Heading, Position, Speed, Thrust, Urge, Velocity, Wish
+from flockbrush.components import Family, Heading, Position, Speed, Thrust, Transit, Urge, Velocity, Wish
 from flockbrush.engine.raster import Raster
-from flockbrush.systems.allocation import asked
+from flockbrush.systems.allocation import asked, with_wishes
 from flockbrush.systems.commands import Migrate
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.steer import scene_of
@@ -259,3 +260,49 @@ def test_only_who_hunts_under_its_own_brush_catches(hunter):
     simulation = tiger_and_sheep("remove", hunter, (18.8, 20))
     simulation.tick()
     assert len(simulation.agents) == (2 if hunter == "stand" else 1)
+
+
+# what every drive promises -----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def lively():
+    """The scene of a world where every drive has something to do: who fears, hunts, follows, flies, and has a family."""
+    everything = {name: one.Params(strength=0.5) for name, one in drives().items()}
+    walk, fly = straight("walk", vision={"range": 60.0}), brush("fly", "line_formation", **GOOSE)
+    heights = np.zeros((40, 40))
+    heights[:, 26:] = 30.0
+    simulation = meadow(
+        *(asset.model_copy(update={"drives": everything}) for asset in (walk, fly)),
+        obstacles=[obstacle(box(12, 18, 13, 24))], height_map=Raster(1.0, heights),
+    )  # fmt: skip
+    for species, places in (
+        ("sheep", [(10, 20), (10.5, 21), (9, 22), (4, 30)]), ("dog", [(6, 21)]), ("wolf", [(16, 10)]), ("human", [(2, 5)])
+    ):  # fmt: skip
+        put(simulation, places, species=species, brush="walk")
+    put_aloft(simulation, [(22.0, 10.0 + 3.0 * k, 20.0) for k in range(3)], species="goose", brush="fly")
+    simulation.agents[Family.number][:4] = 1
+    simulation.run(8)
+    simulation.agents[Transit.kind][-2:] = (LANDING, TAKING_OFF)
+    return with_wishes(simulation.world, scene_of(simulation.world))
+
+
+@pytest.mark.parametrize("name", sorted(drives()))
+def test_every_drive_answers_for_the_rows_asked_and_the_same_again(lively, name):
+    """And it does not write to the scene, whose arrays cannot be written."""
+    one = drives()[name]
+    params = one.Params(what="place", x=30.0, y=30.0) if name == "seek" else one.Params()
+
+    def urges_of(rows):
+        urges = one.urge(lively, rows, params) or Urges(np.zeros((len(rows), 3)), np.zeros(len(rows)))
+        assert urges.acceleration.shape == (len(rows), 3) and urges.urgency.shape == (len(rows),)
+        assert np.isfinite(urges.acceleration).all() and np.isfinite(urges.urgency).all()
+        return np.where(urges.urgency > 0.0, urges.acceleration.T, 0.0).T, urges.urgency
+
+    everybody, some = np.arange(len(lively.ids)), np.array([7, 2, 4])
+    whole = urges_of(everybody)
+    assert whole[1].any()
+    assert len(urges_of(everybody[:0])[1]) == 0
+    for told, again, part in zip(whole, urges_of(everybody), urges_of(some), strict=True):
+        assert np.array_equal(told, again), "keep nothing from call to call: use a component and a system"
+        assert np.array_equal(told[some], part), "answer for `rows` only, from what each of them perceives"
