@@ -267,7 +267,7 @@ def test_only_who_hunts_under_its_own_brush_catches(hunter):
 
 @pytest.fixture(scope="module")
 def lively():
-    """The scene of a world where every drive has something to do: who fears, hunts, follows, flies, and has a family."""
+    """The scene of a world where every drive has something to do: with fear, a hunt, a leader, flight, a family."""
     everything = {name: one.Params(strength=0.5) for name, one in drives().items()}
     walk, fly = straight("walk", vision={"range": 60.0}), brush("fly", "line_formation", **GOOSE)
     heights = np.zeros((40, 40))
@@ -276,10 +276,9 @@ def lively():
         *(asset.model_copy(update={"drives": everything}) for asset in (walk, fly)),
         obstacles=[obstacle(box(12, 18, 13, 24))], height_map=Raster(1.0, heights),
     )  # fmt: skip
-    for species, places in (
-        ("sheep", [(10, 20), (10.5, 21), (9, 22), (4, 30)]), ("dog", [(6, 21)]), ("wolf", [(16, 10)]), ("human", [(2, 5)])
-    ):  # fmt: skip
-        put(simulation, places, species=species, brush="walk")
+    put(simulation, [(10, 20), (10.5, 21), (9, 22), (4, 30)], species="sheep", brush="walk")
+    for species, place in (("dog", (6, 21)), ("wolf", (16, 10)), ("human", (2, 5))):
+        put(simulation, place, species=species, brush="walk")
     put_aloft(simulation, [(22.0, 10.0 + 3.0 * k, 20.0) for k in range(3)], species="goose", brush="fly")
     simulation.agents[Family.number][:4] = 1
     simulation.run(8)
