@@ -16,6 +16,7 @@ import numpy as np
 
 P = typing.ParamSpec("P")
 R = typing.TypeVar("R")
+_MANY = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
 _WORDS = {
     int: "a whole number",
     float: "a number",
@@ -65,7 +66,7 @@ def checked(**meant: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
             except TypeError:
                 return function(*args, **kwargs)  # Python's own words for an argument too many, or one that lacks
             for name, value in given.items():
-                if name in hints():
+                if name in hints() and signature.parameters[name].kind not in _MANY:
                     _check(name, value, hints()[name], meant.get(name))
             return function(*args, **kwargs)
 
@@ -99,7 +100,7 @@ def _fits(value, hint) -> bool:
         return isinstance(value, Real) and not isinstance(value, bool)
     if kind in (Sequence, tuple):
         return isinstance(value, Sequence) and not isinstance(value, str) and all(_fits(v, parts[0]) for v in value)
-    return not isinstance(kind, type) or kind is bool or isinstance(value, kind)
+    return not isinstance(kind, type) or kind in (bool, typing.Any) or isinstance(value, kind)
 
 
 def _words(hint) -> str:
