@@ -8,6 +8,7 @@ import json
 import math
 import types
 import typing
+from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
 from difflib import get_close_matches
 
@@ -257,6 +258,7 @@ def _instead(word, known):
 class Commands:
     """The queue of commands, and the log of those that were applied."""
 
+    refusal: Callable[[object], str] | None = None  # a recorder says of a command why it cannot be kept, or ""
     hashed = False  # a replay knows from the start what a designer submitted in the middle of the run
 
     def __init__(self):
@@ -265,6 +267,9 @@ class Commands:
         self.log: list[tuple[int, object]] = []  # (tick, command), as applied
         self.lived: float = -1  # until this tick what the script does comes from a log
         self.source = ""  # the recording that is lived again, for messages
+
+    def __getstate__(self):
+        return {name: value for name, value in vars(self).items() if name != "refusal"}  # nobody records a copy
 
     def submit(self, cmd, tick=0, key=0):
         """Apply a command at the start of the given tick, or of the next one if that has begun.
@@ -340,6 +345,7 @@ class Commands:
         while self._pending and self._pending[0][0] <= now:
             _, _, cmd, key = heapq.heappop(self._pending)
             try:
+                self._check_refusal(cmd)
                 cmd.apply(world)
             except (ValueError, LookupError) as error:
                 raise CommandError(now, cmd, error.args[0] if error.args else error, self.source, key) from error
@@ -383,16 +389,22 @@ class Commands:
                 undo = self._do(world, cmd)
             except CommandError:
                 for taken in back:
-                    self._do(world, taken)
+                    self._do(world, taken, takes_back=True)
                 raise
             back[:0] = undo
         return back
 
-    def _do(self, world, cmd):
+    def _check_refusal(self, cmd):
+        if self.refusal is not None and (reason := self.refusal(cmd)):
+            raise ValueError(reason)
+
+    def _do(self, world, cmd, takes_back=False):
         """Apply one command now and log it; what takes it back."""
         now = world.resource(Clock).tick
         try:
             cmd = _as_replayed(cmd)
+            if not takes_back:
+                self._check_refusal(cmd)
             parts = cmd.touches(world) if hasattr(cmd, "touches") else []
             before = [part.taken(world) for part in parts]
             cmd.apply(world)

@@ -45,6 +45,7 @@ __all__ = [
     "first_difference", "open_recording", "restore", "resume", "snapshot", "state_hash",
 ]  # fmt: skip
 
+ROOM = 7 / 8  # of the room for commands, for those asked for: the rest is for taking them back where one fails
 MANY = 20_000  # animals; from there on a snapshot takes so long that there is none at both ends of a recording
 
 
@@ -166,6 +167,8 @@ class Recording:
 class Recorder:
     """Writes a running world into a recording: call `take` after every tick.
 
+    Until it is closed, the world refuses commands for which the recording has no room.
+
     Parameters
     ----------
     world : World
@@ -181,7 +184,9 @@ class Recorder:
         self.hash_every = min(max(1, int(hash_every)), limits.SILENT_TICKS)
         self.keyframes = keyframes if isinstance(keyframes, KeyframeSpacing) else KeyframeSpacing(int(keyframes))
         clock = world.resource(Clock)
-        self._written = len(world.resource(Commands).log)
+        self._written = self._counted = len(world.resource(Commands).log)
+        self._room = CommandRoom(recording.path)  # of commands as they are applied, before they are written
+        world.resource(Commands).refusal = self._refusal
         self._flushed, self._first, self._kept, self._taken = clock.now, clock.tick, -1, clock.tick
         self._trail = Trail()
         self._keep_hash(clock.tick)  # a level that is built differently shows before the first tick
@@ -206,12 +211,22 @@ class Recorder:
     def close(self):
         """End the recording in good order, after the last commands and a hash of the last state."""
         clock = self.world.resource(Clock)
+        self.world.resource(Commands).refusal = None
         if clock.tick != self._taken:
             self.take()
         if clock.tick % self.hash_every:
             self._keep_hash(clock.tick)
         self._keep_ends(clock.tick)
         self.recording.close(clock.tick)
+
+    def _refusal(self, cmd):
+        """Why a command that is about to be applied cannot be kept, or ""."""
+        log = self.world.resource(Commands).log
+        for _, applied in log[self._counted :]:
+            self._room.take(to_json(applied).encode())
+        self._counted = max(self._counted, len(log))
+        refusal = self._room.refusal(to_json(cmd).encode(), ROOM)
+        return refusal and f"the recording has no room for it (with what is kept free for taking back, {refusal})"
 
     def _keep_hash(self, tick):
         marks: dict[str, bytes] = {}

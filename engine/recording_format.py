@@ -84,14 +84,26 @@ class CommandRoom:
     def __init__(self, path):
         self.path, self._bytes, self._values = path, 0, 0
 
+    def refusal(self, text: bytes, share=1.0):
+        """Why one more command, as JSON, does not fit into this share of the room; "" where it does."""
+        if len(text) > limits.RECORDING_TEXT_BYTES:
+            return f"one of its commands is more than {limits.RECORDING_TEXT_BYTES.text}"
+        if self._bytes + len(text) > share * limits.RECORDING_COMMANDS_BYTES:
+            return f"its commands are more than {limits.RECORDING_COMMANDS_BYTES.text}"
+        if self._values + _values_in(text) > share * limits.RECORDING_VALUES:
+            return f"its commands hold more than {limits.RECORDING_VALUES.text}"
+        return ""
+
     def take(self, text: bytes):
         """Count one command, as JSON; RecordingError when it is one too many."""
+        if refusal := self.refusal(text):
+            raise RecordingError(f"{self.path}: {refusal}")
         self._bytes += len(text)
-        self._values += 1 + text.count(b",") + text.count(b"[") + text.count(b"{")
-        if self._bytes > limits.RECORDING_COMMANDS_BYTES:
-            raise RecordingError(f"{self.path}: its commands are more than {limits.RECORDING_COMMANDS_BYTES.text}")
-        if self._values > limits.RECORDING_VALUES:
-            raise RecordingError(f"{self.path}: its commands hold more than {limits.RECORDING_VALUES.text}")
+        self._values += _values_in(text)
+
+
+def _values_in(text):
+    return 1 + text.count(b",") + text.count(b"[") + text.count(b"{")
 
 
 def failed(path, what, error):

@@ -5,6 +5,7 @@ import json
 import pytest
 from crafted import record, recording_of
 from flockbrush.engine import limits
+from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.recording import Recorder, Recording, RecordingError, open_recording, resume, state_hash
 from small_meadow import Whistle, meadow
 
@@ -139,3 +140,36 @@ def test_no_recording_is_written_that_could_not_be_read(path, monkeypatch):
             recording.command(1, Whistle(1.0, [[]] * 5_000))
     recording.close()
     assert len(open_recording(path).commands) == 3
+
+
+class JumpBack:
+    """What takes back a whistle is as long as one."""
+
+    def taken(self, world):
+        return None
+
+    def back(self, world, taken):
+        return [Whistle(-2.0, [[]] * 45)]
+
+
+def test_a_command_without_room_is_refused_and_the_recording_goes_on(path, monkeypatch):
+    """What takes back the others of a group has its place even then."""
+    monkeypatch.setattr(limits, "RECORDING_VALUES", limits.Limit(1_000, "values", ""))
+    monkeypatch.setattr(Whistle, "touches", lambda self, world: [JumpBack()], raising=False)
+    world, step = meadow()
+    recorder, queue = Recorder(Recording.create(path, HEADER, {}), world), world.resource(Commands)
+    for _ in range(9):
+        queue.perform(world, [Whistle(1.0, [[]] * 45)])
+    before = state_hash(world)
+    with pytest.raises(CommandError, match="the recording has no room for it .*hold more than 1,000 values"):
+        queue.perform(world, [Whistle(2.0), Whistle(1.0, [[]] * 45)])
+    assert state_hash(world) == before
+    queue.submit(Whistle(1.0, [[]] * 45))
+    with pytest.raises(CommandError, match="the recording has no room for it"):
+        step()
+    step()
+    recorder.take()
+    recorder.close()
+    run = open_recording(path)
+    assert [len(cmd.words or []) for _, cmd in run.commands] == [*[45] * 9, 0, 45] and not run.truncated
+    queue.perform(world, [Whistle(1.0, [[]] * 45)])  # nobody records any more
