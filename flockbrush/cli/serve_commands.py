@@ -52,7 +52,7 @@ def _announce(service, link):
     if not _is_local(service.host):
         say(f"{service.host}: other machines can connect, and others can read the token: nothing is encrypted")
     if service.json:
-        print_json({"address": link.address, "host": link.host, "port": link.port, "token": link.token})
+        print_json({"address": link.address, "host": link.host, "port": link.port, "token": link.token}, indent=None)
     else:
         print_line(f"{service.level}: {link.address}")
         if link.host in EVERYWHERE:

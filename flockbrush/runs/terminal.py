@@ -161,11 +161,11 @@ def finite(values):
     return values
 
 
-def print_json(values):
-    """One JSON object on stdout."""
+def print_json(values, indent: int | None = 2):
+    """One JSON object on stdout; in one line where the indent is None."""
     import json
 
-    print(plain_json(json.dumps(finite(values), indent=2, ensure_ascii=not speaks_unicode(sys.stdout))))
+    print(plain_json(json.dumps(finite(values), indent=indent, ensure_ascii=not speaks_unicode(sys.stdout))))
 
 
 # progress --------------------------------------------------------------------------

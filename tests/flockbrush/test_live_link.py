@@ -380,12 +380,9 @@ class TestCommandLine:
         process = subprocess.Popen(
             command, cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
-        told = ""
-        while not told.rstrip().endswith("}"):
-            line = process.stdout.readline()
-            assert line, process.communicate()[1]
-            told += line
-        return process, json.loads(told)
+        line = process.stdout.readline()
+        assert line, process.communicate()[1]
+        return process, json.loads(line)
 
     @pytest.mark.skipif(os.name == "nt", reason="signals")
     def test_ctrl_c_ends_it_cleanly_with_the_recording_saved(self, tmp_path, cli):
