@@ -21,7 +21,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider
-from flockbrush.engine.plugins import load_entry_points, load_modules
+from flockbrush.engine.plugins import blaming, load_entry_points, load_modules
 from flockbrush.engine.seam import short_way
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -366,6 +366,15 @@ class Behaviour:
     by_slot: bool = False  # takes its neighbours from `Scene.by_slot`; then nobody has to make the lists by row
     needs: tuple[str, ...] = ()  # names of the drives that act on top of it under every brush that says nothing of them
     summary: Callable[[Scene, np.ndarray], Any] | None = None  # hangs neither on parameters nor on headings of the rows
+
+    def blaming(self):
+        """A context in which errors are told of this model (`flockbrush.engine.plugins.blaming`)."""
+        return blaming("model", self.name, self.steer.__module__)
+
+    def flight_of(self, params) -> Flight | None:
+        """Within what limits its animals move in the air; None where they walk."""
+        with self.blaming():
+            return None if self.flight is None else self.flight(params)
 
 
 _registry: dict[str, Behaviour] = {}

@@ -27,7 +27,7 @@ from flockbrush.behaviours.amounts import Amount, Dimension
 from flockbrush.behaviours.validation import shown, validated
 from flockbrush.engine.limits import PROGRAM_DEPTH
 from flockbrush.engine.parallel import over_rows
-from flockbrush.engine.plugins import load_entry_points, load_modules
+from flockbrush.engine.plugins import blaming, load_entry_points, load_modules
 from flockbrush.engine.problems import did_you_mean
 from numba import njit
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
@@ -181,15 +181,14 @@ class Condition(BaseModel):
 
 
 def answer(condition: Condition, senses: Senses, rows: np.ndarray, question: str = "holds") -> np.ndarray:
-    """(k,) bool: what `Condition.holds`, or ``held``, says; TypeError with the condition's word for anything else."""
-    said = getattr(condition, question)(senses, rows)
-    if isinstance(said, np.ndarray) and said.dtype == bool and said.shape == rows.shape:
-        return said
-    got = f"{said.dtype} of shape {said.shape}" if isinstance(said, np.ndarray) else shown(said)
-    raise TypeError(
-        f"condition {condition.word!r}: {question}(senses, rows) must return a bool array of shape {rows.shape}, "
-        f"got {got}"
-    )
+    """(k,) bool: what `Condition.holds`, or ``held``, says; an error with the condition's word for anything else."""
+    with blaming("condition", condition.word, type(condition).__module__):
+        said = getattr(condition, question)(senses, rows)
+        if isinstance(said, np.ndarray) and said.dtype == bool and said.shape == rows.shape:
+            return said
+        got = f"{said.dtype} of shape {said.shape}" if isinstance(said, np.ndarray) else shown(said)
+        must = f"{question}(senses, rows) must return a bool array of shape {rows.shape}"
+        raise TypeError(f"condition {condition.word!r}: {must}, got {got}")
 
 
 def given(default, meaning: str, **bounds):

@@ -16,7 +16,7 @@ import numpy as np
 from flockbrush.engine import limits
 from flockbrush.engine.arguments import whole
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.plugins import load_entry_points
+from flockbrush.engine.plugins import blaming, load_entry_points
 
 COMMANDS: dict[str, type] = {}
 GONE = {"PutGoal": "PlaceGoal replaced it; replay it with the version that made the recording"}
@@ -49,7 +49,8 @@ class CommandError(ValueError):
 def command(cls):
     """Make a class with an ``apply(world)`` method a frozen dataclass, recordable by its name.
 
-    What cannot be done raises a ValueError or a LookupError before anything has been changed.  A command may also
+    What cannot be done raises a ValueError or a LookupError before anything has been changed; after any other error
+    the world may be half changed, and does not go on (`flockbrush.engine.plugins.PluginError`).  A command may also
     have a ``check(world)`` that raises for what can be known beforehand, such as the name of a brush, and a
     ``touches(world)``: the parts of the world that it changes, so that it can be undone (see `Commands.perform`).
     Both ``touches`` and ``apply`` begin with the check.  A ``foresee(world)`` changes the lists of level things, the
@@ -255,6 +256,10 @@ def _instead(word, known):
     return f"; did you mean {close[0]!r}?" if close else f"; available: {', '.join(sorted(known)) or 'none'}"
 
 
+def _blaming(cmd):
+    return blaming("command", type(cmd).__name__, type(cmd).__module__, (ValueError, LookupError))
+
+
 class Commands:
     """The queue of commands, and the log of those that were applied."""
 
@@ -346,7 +351,8 @@ class Commands:
             _, _, cmd, key = heapq.heappop(self._pending)
             try:
                 self._check_refusal(cmd)
-                cmd.apply(world)
+                with _blaming(cmd):
+                    cmd.apply(world)
             except (ValueError, LookupError) as error:
                 raise CommandError(now, cmd, error.args[0] if error.args else error, self.source, key) from error
             self._applied(world, cmd)
@@ -382,6 +388,8 @@ class Commands:
         ------
         CommandError
             When one of them cannot be done.  Those before it have been taken back then.
+        PluginError
+            When one of another package failed with any other error.  The world may be half changed then.
         """
         back: list[object] = []
         for cmd in commands:
@@ -405,9 +413,10 @@ class Commands:
             cmd = _as_replayed(cmd)
             if not takes_back:
                 self._check_refusal(cmd)
-            parts = cmd.touches(world) if hasattr(cmd, "touches") else []
-            before = [part.taken(world) for part in parts]
-            cmd.apply(world)
+            with _blaming(cmd):
+                parts = cmd.touches(world) if hasattr(cmd, "touches") else []
+                before = [part.taken(world) for part in parts]
+                cmd.apply(world)
         except (ValueError, LookupError) as error:
             raise CommandError(now, cmd, error.args[0] if error.args else error) from error
         self._applied(world, cmd)

@@ -4,11 +4,60 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import sys
+import traceback
+from contextlib import contextmanager
 from importlib.metadata import entry_points
 from types import ModuleType
 from typing import Any
 
+from flockbrush.engine.plain_text import one_line
 from flockbrush.engine.problems import Problem, ProblemsError
+
+
+class PluginError(ProblemsError):
+    """What another package, a script or a notebook registered is wrong; ``str()`` says what, with file and line."""
+
+
+@contextmanager
+def blaming(kind, name, module, passes=()):
+    """Call what is registered, and check what it returns: what is raised meanwhile becomes a `PluginError`.
+
+    Errors of what this repository registers stay as they are, as do ProblemsError and MemoryError.
+
+    Parameters
+    ----------
+    kind, name : str
+        Such as "drive" and the name of the drive; a check names both by itself.
+    module : str
+        Where it is from.
+    passes : tuple of exception classes
+        Others that stay as they are.
+    """
+    try:
+        yield
+    except (PluginError, ProblemsError, MemoryError, *passes):
+        raise
+    except Exception as error:
+        if is_ours(module):
+            raise
+        (file, line), said = _place(error, module), one_line(str(error))
+        if line or repr(name) not in said:
+            said = f"{kind} {name!r} of {module} failed: {type(error).__name__}: {said}"
+        raise PluginError([Problem(file, line, None, said)]) from error
+
+
+def is_ours(module: str) -> bool:
+    """Whether a module is of this repository."""
+    return module.startswith("flockbrush.")
+
+
+def _place(error, module):
+    """(file, line) where a module raised an error; without the line where it did not."""
+    for frame, line in reversed([*traceback.walk_tb(error.__traceback__)]):
+        if frame.f_globals.get("__name__") == module:
+            return frame.f_code.co_filename, line
+    return getattr(sys.modules.get(module), "__file__", None) or f"module {module}", None
 
 
 def load_modules(package: ModuleType) -> None:

@@ -208,10 +208,16 @@ class Recorder:
             self.recording.flush()
             self._flushed = clock.now
 
-    def close(self):
-        """End the recording in good order, after the last commands and a hash of the last state."""
+    def close(self, in_tick=False):
+        """End the recording in good order, after the last commands and a hash of the last state.
+
+        With ``in_tick`` the world stands in the middle of a tick that failed: the recording ends before it.
+        """
         clock = self.world.resource(Clock)
         self.world.resource(Commands).refusal = None
+        if in_tick:
+            self.recording.close(self._taken)
+            return
         if clock.tick != self._taken:
             self.take()
         if clock.tick % self.hash_every:

@@ -29,6 +29,7 @@ from flockbrush.components import (
     Wish,
 )
 from flockbrush.components.agent import BY_ACCELERATION, BY_VELOCITY
+from flockbrush.engine.plugins import blaming
 from flockbrush.engine.seam import short_way
 from flockbrush.systems.fauna import FEAR, NO_LIMIT, SpeciesList, by_medium, kin_of, kinds_of
 from flockbrush.systems.foresight import Ahead
@@ -155,11 +156,11 @@ def asked(scene, rows, drives) -> Shares | None:
     left = np.ones(len(rows))
     names, shares, wishes = [], [], []
     for drive, params in drives:
-        urges = drive.urge(scene, rows, params)
-        if urges is None:
-            continue
-        _check(drive, urges, len(rows))
-        if not np.any(urges.urgency > 0.0):
+        with blaming("drive", drive.name, drive.urge.__module__):
+            urges = drive.urge(scene, rows, params)
+            if urges is not None:
+                _check(drive, urges, len(rows))
+        if urges is None or not np.any(urges.urgency > 0.0):
             continue
         share = np.minimum(np.clip(urges.urgency, 0.0, 1.0), left)
         left = left - share

@@ -243,8 +243,9 @@ def _blended(palette, scene, row, brush, previous, blend):
         model = palette.models[index]
         if model.explain is None:
             return {}
-        vectors = model.explain(scene, row, palette.brushes[index].params)
-        answers.append({name: np.append(vector, [0.0] * (3 - len(vector))) for name, vector in vectors.items()})
+        with model.blaming():
+            vectors = model.explain(scene, row, palette.brushes[index].params)
+            answers.append({name: np.append(vector, [0.0] * (3 - len(vector))) for name, vector in vectors.items()})
     if len(answers) == 1:
         return answers[0]
     weight = blend * blend * (3.0 - 2.0 * blend)  # as `flockbrush.systems.steer` mixes

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy  # its parts are imported when they are used first, which takes a third of a start
-from flockbrush.engine.plugins import load_entry_points
+from flockbrush.engine.plugins import blaming, load_entry_points
 
 
 def _unit(vectors):
@@ -297,16 +297,10 @@ def herd_measures(xyz, velocity, forward, body_length, wrap=None, flies=False):
 
 def _value(known, herd):
     """The measure as a number of Python: files, tables and means take these."""
-    where, again = (
-        f"measure {known.name!r} of {known.compute.__module__}",
-        "correct it and register it again",
-    )
-    try:
+    with blaming("measure", known.name, known.compute.__module__):
         value = known.compute(herd)
-    except Exception as error:
-        raise RuntimeError(f"{where} failed: {type(error).__name__}: {error}; {again}") from error
-    if np.ndim(value) != 0 or not isinstance(value, (numbers.Real, np.generic, np.ndarray)):
-        raise TypeError(f"{where} must return a number, got {type(value).__name__}; {again}")
+        if np.ndim(value) != 0 or not isinstance(value, (numbers.Real, np.generic, np.ndarray)):
+            raise TypeError(f"measure {known.name!r} must return a number, got {type(value).__name__}")
     return value.item() if isinstance(value, (np.generic, np.ndarray)) else value
 
 

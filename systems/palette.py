@@ -219,9 +219,7 @@ class Palette:
         self.neighbour_range = column(lambda b: getattr(b.params, "neighbour_range", np.inf))  # body lengths
         self.danger = column(lambda b: models[b.model].danger).astype(np.uint8)
         self.formation = column(lambda b: models[b.model].formation).astype(bool)
-        flights = [
-            Flight() if m.flight is None else m.flight(b.params) for m, b in zip(self.models, self.brushes, strict=True)
-        ]
+        flights = [m.flight_of(b.params) or Flight() for m, b in zip(self.models, self.brushes, strict=True)]
         self.flies = column(lambda b: models[b.model].flight is not None).astype(bool)
         self.flight = np.array(flights, float).reshape(len(flights), len(Flight._fields))  # rows of `Flight`
         looks = [b.drives["avoid_obstacles"].foresight if "avoid_obstacles" in b.drives else 0.0 for b in self.brushes]

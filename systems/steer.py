@@ -116,33 +116,37 @@ class AskModels(System):
 
     @staticmethod
     def _ask(world, scene, palette, index, rows):
-        wishes = palette.models[index].steer(scene, rows, palette.brushes[index].params)
-        if not isinstance(wishes, Wishes):
-            raise TypeError(f"model {palette.brushes[index].model!r} must return Wishes, got {type(wishes).__name__}")
-        shapes = np.shape(wishes.direction), np.shape(wishes.pace)
-        if shapes != ((len(rows), 3), (len(rows),)):
-            raise ValueError(
-                f"model {palette.brushes[index].model!r} was asked for {len(rows)} animals: directions must be "
-                f"({len(rows)}, 3) and paces ({len(rows)},), got {shapes[0]} and {shapes[1]}"
-            )
-        said = [wishes.direction, wishes.pace]
-        for name, vectors in (("accelerations", wishes.acceleration), ("velocities", wishes.velocity)):
-            if vectors is None:
-                continue
-            if np.shape(vectors) != shapes[0]:
-                raise ValueError(
-                    f"model {palette.brushes[index].model!r} was asked for {len(rows)} animals: {name} must be "
-                    f"({len(rows)}, 3), got {np.shape(vectors)}"
-                )
-            said.append(vectors)
-        if not all(np.isfinite(some).all() for some in said):
-            fine = np.all([np.isfinite(some).reshape(len(rows), -1).all(1) for some in said], axis=0)
+        model, brush = palette.models[index], palette.brushes[index]
+        with model.blaming():
+            wishes = model.steer(scene, rows, brush.params)
+            _check(model, wishes, len(rows))
+            said = (wishes.direction, wishes.pace, wishes.acceleration, wishes.velocity)
+            finite = [np.isfinite(some) for some in said if some is not None]
+        if not all(some.all() for some in finite):
+            fine = np.all([some.reshape(len(rows), -1).all(1) for some in finite], axis=0)
             entity = int(scene.ids[rows[np.argmin(fine)]])
             raise NotFinite(
-                f"model {palette.brushes[index].model!r} (brush {palette.brushes[index].name!r}) gave a wish that is "
+                f"model {model.name!r} (brush {brush.name!r}) gave a wish that is "
                 f"not finite, for entity {entity} in tick {scene.tick}"
             )
         return wishes
+
+
+def _check(model, wishes, k):
+    """Raise TypeError or ValueError, with the name of the model, where it returned what no row can take."""
+    if not isinstance(wishes, Wishes):
+        raise TypeError(f"model {model.name!r} must return Wishes, got {type(wishes).__name__}")
+    shapes = np.shape(wishes.direction), np.shape(wishes.pace)
+    if shapes != ((k, 3), (k,)):
+        raise ValueError(
+            f"model {model.name!r} was asked for {k} animals: directions must be ({k}, 3) and paces ({k},), "
+            f"got {shapes[0]} and {shapes[1]}"
+        )
+    for name, vectors in (("accelerations", wishes.acceleration), ("velocities", wishes.velocity)):
+        if vectors is not None and np.shape(vectors) != (k, 3):
+            raise ValueError(
+                f"model {model.name!r} was asked for {k} animals: {name} must be ({k}, 3), got {np.shape(vectors)}"
+            )
 
 
 def _thrust(agents):

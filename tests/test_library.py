@@ -12,6 +12,7 @@ import pytest
 from flockbrush.behaviours import behaviour as registry
 from flockbrush.components import BrushBinding, Heading, Position
 from flockbrush.engine.locks import Advice
+from flockbrush.engine.plugins import PluginError
 from flockbrush.engine.state import state_hash
 from flockbrush.systems.commands import RemoveAnimals
 from flockbrush.systems.palette import Palette
@@ -189,10 +190,10 @@ def test_a_broken_measure_is_named_until_it_is_registered_again(monkeypatch):
         measures.measure("mine")(lambda _: result())
 
     register(lambda: 1 // 0)
-    with pytest.raises(RuntimeError, match="measure 'mine' of .*test_library failed: ZeroDivisionError"):
+    with pytest.raises(PluginError, match="/test_library.py:[0-9]+: measure 'mine' of .* failed: ZeroDivisionError"):
         herd.measures()
     register(lambda: np.zeros(3))
-    with pytest.raises(TypeError, match="measure 'mine' of .* must return a number, got ndarray"):
+    with pytest.raises(PluginError, match="/test_library.py: measure 'mine' must return a number, got ndarray"):
         herd.measures()
     register(lambda: np.float32(0.5))
     assert herd.measures()["mine"] == 0.5

@@ -17,6 +17,7 @@ from flockbrush.cli.show_desync import show_desync
 from flockbrush.engine import limits
 from flockbrush.engine.commands import CommandError
 from flockbrush.engine.parallel import set_threads, threads
+from flockbrush.engine.plugins import PluginError
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import open_recording, state_hash
 from flockbrush.output.export import Exports, check_exports, check_rate
@@ -131,7 +132,7 @@ def _mb(size):
 
 @contextmanager
 def recorder_of(path, simulation, keyframes=None):
-    """Context manager: a recorder that is closed when the run ends, is stopped or meets a command that fails."""
+    """Context manager: a recorder that is closed when the run ends, is stopped or something in it fails."""
     if path is None:
         yield None
         return
@@ -140,7 +141,10 @@ def recorder_of(path, simulation, keyframes=None):
         say(f"{path}: the recording that was there is kept as {recorder.recording.earlier.name}")
     try:
         yield recorder
-    except (Stopped, CommandError):
+    except (CommandError, PluginError):
+        recorder.close(in_tick=True)
+        raise
+    except Stopped:
         recorder.close()
         raise
     except BaseException:
@@ -165,8 +169,8 @@ def stepping(text, simulation, ticks, interrupts, writing=False):
         except Stopped:
             say(f"stopped after tick {simulation.clock.tick}{note}")
             raise
-        except CommandError as error:
-            if writing and not error.source:
+        except (CommandError, PluginError) as error:
+            if writing and not getattr(error, "source", ""):
                 say(f"stopped after tick {simulation.clock.tick}{note}")
             raise
 

@@ -103,14 +103,16 @@ class NextSteps:
         known = () if model.summary is None else (self._summed_up(model, rows),)
 
         def wish(scene):
-            return model.steer(frozen(scene), rows, quiet, *(of[scene.tick] for of in known)).direction
+            with model.blaming():
+                return model.steer(frozen(scene), rows, quiet, *(of[scene.tick] for of in known)).direction
 
         return self._turned(scenes, wish, limit, solid)
 
     def _summed_up(self, model, rows):
         """What a model makes of each scene whatever its parameters are."""
         if model.name not in self.summaries:
-            self.summaries[model.name] = [model.summary(frozen(scene), rows) for scene in self.scenes]
+            with model.blaming():
+                self.summaries[model.name] = [model.summary(frozen(scene), rows) for scene in self.scenes]
         return self.summaries[model.name]
 
     def paces(self, model: Behaviour, params) -> np.ndarray:
@@ -119,9 +121,11 @@ class NextSteps:
         A model may ask for a part of the way from the present factor: the one that it would leave as it is, is told.
         """
         rows, scene, effort = np.arange(self.k, dtype=np.int32), self._headed(self.scenes[0], self.start), self.effort
-        at_rest, at_one = (
-            model.steer(frozen(scene._replace(effort=now * effort)), rows, _quiet(params)).pace for now in (0.0, 1.0)
-        )
+        with model.blaming():
+            at_rest, at_one = (
+                model.steer(frozen(scene._replace(effort=now * effort)), rows, _quiet(params)).pace
+                for now in (0.0, 1.0)
+            )
         return at_rest / np.maximum(1.0 + at_rest - at_one, 1e-6)
 
     def alone(self, model: Behaviour, params) -> np.ndarray:
@@ -132,7 +136,8 @@ class NextSteps:
         def wish(scene):
             air = scene.air._replace(first=nobody, near=scene.near[:0], offset=scene.air.offset[:0])
             seen = scene._replace(first=nobody, near=scene.near[:0], offset=scene.offset[:0], air=frozen(air))
-            return model.steer(frozen(seen), rows, quiet).direction
+            with model.blaming():
+                return model.steer(frozen(seen), rows, quiet).direction
 
         return self._turned(self.scenes, wish, limit, self.turns.radius if model.flight is None else 0.0)
 

@@ -58,5 +58,6 @@ def wishes_on_plane(herd, order, lists, walls):
         known=herd.known, memory=herd.memory - herd.xyz[:, :2],
         guidance=np.zeros((n, 2)) if guide is None else guide.at(herd.time, herd.xyz[:, :2]),
     )  # fmt: skip
-    wishes = herd.model.steer(frozen(scene), np.arange(n, dtype=np.int32), herd.params)
+    with herd.model.blaming():
+        wishes = herd.model.steer(frozen(scene), np.arange(n, dtype=np.int32), herd.params)
     return wishes.direction, wishes.pace

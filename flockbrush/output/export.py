@@ -13,6 +13,7 @@ from pathlib import Path
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import CommandError
 from flockbrush.engine.files import output_problems, refused
+from flockbrush.engine.plugins import PluginError, blaming, is_ours
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.output.exporter import exporter_of, exporters
 from flockbrush.runs.catalogue import LABELS
@@ -36,13 +37,13 @@ def check_exports(paths, inputs=(), others=(), options=None):
             message = f"the file extension of an export must be one of {', '.join(exporters())}; got {got}"
             problems.append(Problem(str(path), None, None, message))
             continue
+        extra = "   (or: pip install flockbrush[export])" if is_ours(kind.__module__) else ""
         for module, package in kind.needs:
             if importlib.util.find_spec(module) is None:
-                message = (
-                    f"this needs the package {package}: pip install {package}   (or: pip install flockbrush[export])"
-                )
+                message = f"this needs the package {package}: pip install {package}{extra}"
                 problems.append(Problem(str(path), None, None, message))
-        problems += [Problem(str(path), None, None, message) for message in kind.problems(path, options or {})]
+        with _blaming(kind):
+            problems += [Problem(str(path), None, None, message) for message in kind.problems(path, options or {})]
     kinds = [(path, kind) for path in paths if (kind := exporter_of(path))]
     beside = [other for path, kind in kinds for other in kind.beside(path)]
     inputs = [*inputs, *(file for _, kind in kinds for file in kind.reads(options or {}))]
@@ -50,6 +51,10 @@ def check_exports(paths, inputs=(), others=(), options=None):
     problems = problems or output_problems([*paths, *beside, *others], inputs)
     if problems:
         raise ProblemsError(problems)
+
+
+def _blaming(kind):
+    return blaming("exporter", kind.__name__, kind.__module__, (OSError,))
 
 
 def check_rate(fps, simulation, name="fps"):
@@ -94,8 +99,9 @@ class Exports:
                 kind = exporter_of(path)
                 rate = kind.fps if fps is None else fps
                 sampler = Sampler(simulation, rate, LABELS if kind.labels else ())
-                self._pairs.append((kind(path, simulation, rate, **options), sampler))
-                with self._pairs[-1][0].naming():
+                with _blaming(kind):
+                    self._pairs.append((kind(path, simulation, rate, **options), sampler))
+                with self._pairs[-1][0].naming(), _blaming(kind):
                     self._pairs[-1][0].open()
         except BaseException:
             self.abandon()
@@ -110,7 +116,9 @@ class Exports:
             try:
                 with exporter.naming():
                     for moment in sampler.due():
-                        exporter.take(moment if self._edits is None else self._edits.at(moment))
+                        shown = moment if self._edits is None else self._edits.at(moment)
+                        with _blaming(type(exporter)):
+                            exporter.take(shown)
             except Exception as error:
                 self._fail(exporter, error)
                 if not (self._begun and self._pairs):
@@ -122,7 +130,7 @@ class Exports:
         """Complete all files; then the first error is raised, if some have failed."""
         for exporter, _ in [*self._pairs]:
             try:
-                with exporter.naming():
+                with exporter.naming(), _blaming(type(exporter)):
                     exporter.close()
             except Exception as error:  # noqa: BLE001  it is raised below
                 self._fail(exporter, error)
@@ -145,7 +153,8 @@ class Exports:
         return self
 
     def __exit__(self, kind, error, trace):
-        kept = isinstance(error, Stopped) or (isinstance(error, CommandError) and not error.source)  # of no recording
+        kept = isinstance(error, (Stopped, PluginError))
+        kept |= isinstance(error, CommandError) and not error.source  # of no recording
         if kind is not None:  # a part of a run replaces no file
             left = [exporter for exporter, _ in self._pairs if not kept or exporter.replaces]
             for exporter in left if kept else ():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
-from flockbrush.engine.plugins import load_entry_points, load_modules
+from flockbrush.engine.plugins import blaming, load_entry_points, load_modules
 from flockbrush.render import own_overlays
 from flockbrush.render.canvas import Canvas
 
@@ -24,6 +24,12 @@ class Overlay:
     in_space: bool = False  # drawn over the animals in space, too; others lie on the ground there, or are left out
     looks_at_world: bool = False  # and not only at the moment and the ground: while it is drawn no tick may run
     draw: Callable[[OverlayView], None] | None = None  # of those registered with `overlay`
+
+    def drawn(self, view: OverlayView):
+        """Draw it, if it was registered with `overlay`."""
+        if self.draw is not None:
+            with blaming("overlay", self.name, self.draw.__module__):
+                self.draw(view)
 
 
 class OverlayView(NamedTuple):

@@ -105,9 +105,9 @@ class Overlays:
     def _registered(self, frame, camera, shown, moment, selected, below):
         """Those of others, in the order in which they were registered."""
         for name, known in OVERLAYS.items():
-            if name in shown and known.draw is not None and known.below == below:
+            if name in shown and known.below == below:
                 canvas = Canvas(frame, camera.view)
-                known.draw(OverlayView(canvas, camera, moment, self.world, self.theme, selected, self.unit))
+                known.drawn(OverlayView(canvas, camera, moment, self.world, self.theme, selected, self.unit))
 
     def _row(self, moment, selected):
         if selected is None or not len(moment):

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.plugins import PluginError
 from flockbrush.engine.recording import RecordingError
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.runs import run as running
@@ -143,6 +144,10 @@ class Timeline:
         self._mark_ground(commands)
         try:
             return self.queue.perform(self.simulation.world, commands)
+        except PluginError as error:  # the world may be half changed
+            self.queue.log.clear()
+            self._put_back(self.tick)
+            raise CommandError(self.tick, None, error) from error
         finally:
             self._take_log()
 
@@ -466,4 +471,4 @@ def _ground_box(cmd, world):
 def _in_words(error):
     """What a failed tick says to people."""
     text = str(error) or "no reason given"
-    return text if isinstance(error, ArithmeticError) else f"{type(error).__name__}: {text}"
+    return text if isinstance(error, (ArithmeticError, PluginError)) else f"{type(error).__name__}: {text}"

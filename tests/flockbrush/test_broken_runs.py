@@ -1,8 +1,15 @@
 """A run that cannot go on says why in one line, and never shows a traceback."""
 
+import numpy as np
 import pytest
-from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.behaviours import behaviour as model_module
+from flockbrush.behaviours import drive as drive_module
+from flockbrush.behaviours.behaviour import Wishes
+from flockbrush.components import Position
+from flockbrush.engine.commands import CommandError, Commands, command
+from flockbrush.engine.plugins import PluginError, blaming
 from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.recording import open_recording, resume, state_hash
 from flockbrush.systems.animal_commands import AddAnimals
 from flockbrush.systems.commands import MoveObstacle, SwitchBrush
 from flockbrush.systems.steer import NotFinite
@@ -11,8 +18,10 @@ import flockbrush
 from flockbrush.cli.level_commands import recorder_of, stepping
 from flockbrush.cli.main import called
 from flockbrush.output.export import Exports
+from flockbrush.output.exporter import Exporter, exporters
 from flockbrush.output.formats.gltf_scene import GltfScene
 from flockbrush.output.gltf import animated_nodes
+from flockbrush.runs.run import rebuild
 from flockbrush.runs.terminal import Interrupts, Stopped, exit_code_of
 
 
@@ -49,6 +58,119 @@ def test_a_key_that_fails_is_named_and_what_was_written_before_it_is_kept(tmp_pa
     assert "stopped after tick 32; the written files are complete up to this tick" in capsys.readouterr().err
     assert table.read_text().splitlines()[-1].startswith("32,")
     assert called(["replay", str(run), "--verify"]) == 0
+
+
+def test_a_recording_ends_before_the_tick_that_failed(tmp_path):
+    """What was done in that tick before is in none of its snapshots."""
+    simulation = flockbrush.start("meadow", 1, 10)
+    for cmd in (SwitchBrush("march"), MoveObstacle("rock", 3.0, 3.0)):
+        simulation.submit(cmd, 4)
+    with pytest.raises(CommandError, match="rock"), recorder_of(tmp_path / "k.flock", simulation) as recorder:
+        for _ in range(8):
+            simulation.tick()
+            recorder.take()
+    run = open_recording(tmp_path / "k.flock")
+    assert (run.last_tick, run.truncated, run.commands) == (4, False, [])
+    again = rebuild(run)
+    resume(run, again.world, 4)
+    while again.clock.tick < 4:
+        again.tick()
+    assert state_hash(again.world) == run.hashes[4]
+
+
+# what others register ---------------------------------------------------------------------------------
+
+
+@command
+class Overturn:
+    """Fails half-way."""
+
+    metres: float = 1.0
+
+    def apply(self, world):
+        world.agents[Position.xyz][0] += self.metres
+        return self.metres / 0
+
+
+def urge(scene, rows, params):
+    return None if scene.tick < 3 else 1 / 0
+
+
+def steer(scene, rows, params):
+    return Wishes(scene.forward[rows], np.ones(len(rows))) if scene.tick < 3 else np.zeros((len(rows), 1))
+
+
+class Torn(Exporter):
+    endings = (".torn",)
+
+    def take(self, moment):
+        raise RuntimeError("torn")
+
+
+def with_drive(monkeypatch):
+    monkeypatch.setattr(drive_module, "_registry", dict(drive_module.drives()))
+    drive_module.drive("mine", drive_module.DriveParameters)(urge)
+    graze = flockbrush.shipped().get("graze")
+    return graze.model_copy(update={"drives": {"mine": drive_module.DriveParameters()}})
+
+
+def with_model(monkeypatch):
+    monkeypatch.setattr(model_module, "_registry", dict(model_module.behaviours()))
+    model_module.behaviour("ill", model_module.Parameters)(steer)
+    graze = flockbrush.shipped().get("graze")
+    return graze.model_copy(update={"model": "ill", "params": model_module.Parameters()})
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (with_drive, ":[0-9]+: drive 'mine' of .*test_broken_runs failed: ZeroDivisionError: division by zero"),
+        (with_model, ": model 'ill' must return Wishes, got ndarray"),
+    ],
+)
+def test_what_others_registered_is_named_with_its_file_and_what_was_written_is_kept(
+    make, words, tmp_path, capsys, monkeypatch
+):
+    run, table = tmp_path / "k.flock", tmp_path / "k.csv"
+    simulation = flockbrush.start("meadow", 1, 10, make(monkeypatch))
+    with (
+        pytest.raises(PluginError, match=f"^.*test_broken_runs.py{words}$") as caught,
+        recorder_of(run, simulation) as recorder,
+        Exports([table], simulation) as exports,
+        stepping("meadow", simulation, 64, Interrupts(), True) as stepped,
+    ):
+        for _ in range(64):
+            simulation.tick()
+            recorder.take()
+            exports.take()
+            stepped()
+    assert "stopped after tick 3; the written files are complete up to this tick" in capsys.readouterr().err
+    assert table.read_text().splitlines()[-1].startswith("3,")
+    assert (open_recording(run).last_tick, open_recording(run).truncated) == (3, False)
+    assert exit_code_of(caught.value) == 1
+    assert capsys.readouterr().err.strip() == str(caught.value)
+
+
+def test_an_exporter_of_others_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr("flockbrush.output.exporter._registry", exporters() | {".torn": Torn})
+    with pytest.raises(PluginError, match=r"test_broken_runs.py:[0-9]+: exporter 'Torn' of .* RuntimeError: torn"):
+        exported_with_births([tmp_path / "a.torn"])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_command_of_others_is_named():
+    simulation = flockbrush.start("meadow", 1, 10)
+    queue = simulation.world.resource(Commands)
+    with pytest.raises(PluginError, match=r"test_broken_runs.py:[0-9]+: command 'Overturn' of .* ZeroDivisionError"):
+        queue.perform(simulation.world, [Overturn()])
+    simulation.submit(Overturn())
+    with pytest.raises(PluginError, match="command 'Overturn'"):
+        simulation.tick()
+
+
+def test_what_is_ours_is_still_a_bug():
+    with pytest.raises(ZeroDivisionError), blaming("drive", "flee", "flockbrush.behaviours.drives.flee"):
+        print(1 / 0)
 
 
 def test_a_run_that_is_stopped_keeps_the_earlier_file_of_a_name(tmp_path, capsys):

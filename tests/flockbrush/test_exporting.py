@@ -14,7 +14,7 @@ from flockbrush.levels.level_writer import Document
 from flockbrush.systems.groups import groups_of
 from pens import pen
 
-from flockbrush.output.export import Exports
+from flockbrush.output.export import Exports, check_exports
 from flockbrush.output.exporter import Exporter, exporters
 from flockbrush.output.pictures import picture_size
 from flockbrush.output.trajectory_table import COLUMNS
@@ -319,6 +319,18 @@ def test_exports_that_cannot_all_be_opened_leave_nothing(level, tmp_path, monkey
     with pytest.raises(OSError, match="Permission denied"):
         Exports([tmp_path / "a.csv", tmp_path / "a.parquet"], start(level))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("module", "extra"), [("somebodys", False), ("flockbrush.output.formats.mine", True)])
+def test_a_missing_package_is_in_an_extra_only_where_the_exporter_is_ours(module, extra, monkeypatch):
+    class Mine(Exporter):
+        needs = (("no_such_module", "no-such-package"),)
+
+    Mine.__module__ = module
+    monkeypatch.setattr("flockbrush.output.exporter._registry", exporters() | {".mine": Mine})
+    with pytest.raises(ProblemsError, match="pip install no-such-package") as caught:
+        check_exports(["a.mine"])
+    assert ("flockbrush[export]" in str(caught.value)) is extra
 
 
 def test_paint_bounded_in_height_is_lived_again_and_exported(cli, tmp_path):

@@ -1,4 +1,4 @@
-"""What a client asks that cannot be recorded loses nobody a recording."""
+"""What a client asks that cannot be recorded or fails half-way: it loses nobody a recording."""
 
 import json
 
@@ -7,7 +7,9 @@ import pytest
 pytest.importorskip("websockets", reason="the package websockets is not installed (extra live)")
 
 from flockbrush.engine import limits
+from flockbrush.engine.plugins import PluginError
 from flockbrush.engine.recording import open_recording
+from flockbrush.systems.gusts import Gust
 from flockbrush.systems.landscape import Landscape
 
 from flockbrush.cli.level_commands import recorder_of
@@ -47,3 +49,23 @@ def test_a_command_for_which_the_recording_has_no_room_is_refused_and_ends_nothi
     run = open_recording(path)
     assert (run.last_tick, run.truncated, len(run.commands)) == (3, False, done)
     assert "identical, bit for bit" in cli("replay", path, "--verify").out
+
+
+def test_a_command_of_a_package_that_fails_half_way_ends_the_server_in_good_order(served, tmp_path, monkeypatch):
+    monkeypatch.setattr(Gust, "__module__", "somebodys")
+    monkeypatch.setattr(Gust, "apply", lambda self, world: 1 / 0)
+    said = "command 'Gust' of somebodys failed: ZeroDivisionError: division by zero"
+    path = tmp_path / "half.flock"
+
+    def taken():
+        recorder.take()
+        if served.simulation.clock.tick == 3:
+            ask(served, "Gust", {"x": 3.0, "y": 0.0})
+
+    with pytest.raises(PluginError, match=f"^module somebodys: {said}$"):
+        with recorder_of(path, served.simulation) as recorder:
+            served.after_tick = taken
+            served.run(lambda: False)
+    assert served.told == [{"type": "error", "id": None, "message": f"the server ends: {said}"}]
+    run = open_recording(path)
+    assert (run.last_tick, run.truncated, run.commands) == (3, False, [])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.components import Position
-from flockbrush.engine.commands import CommandError
+from flockbrush.engine.commands import CommandError, command
 from flockbrush.engine.recording import open_recording
 from flockbrush.engine.state import pieces, snapshot, state_hash
 from flockbrush.systems.commands import AddAnimals, AddObstacle, PaintBrush, RemoveAnimals, SetParameter, SwitchBrush
@@ -307,6 +307,27 @@ def test_a_branch_does_not_take_the_name_of_a_file_that_is_there(level, monkeypa
     assert timeline.fork().name == "pasture-3"
     timeline.close()
     assert (tmp_path / "pasture-2.flock").read_bytes() == b"last week's"
+
+
+@command
+class Topple:
+    """Fails half-way."""
+
+    def apply(self, world):
+        world.agents[Position.xyz][:] += 1.0
+        return 1 / 0
+
+
+def test_a_command_of_others_that_fails_leaves_the_world_as_it_was(timeline):
+    lived(timeline, 3)
+    timeline.perform([SwitchBrush("swarm")])
+    before = state(timeline)
+    with pytest.raises(CommandError, match="command 'Topple' of .* failed: ZeroDivisionError"):
+        timeline.perform([SwitchBrush("march"), Topple()])
+    assert state(timeline) == before and timeline.tick == 3
+    assert [type(cmd) for _, cmd in timeline.current.commands] == [SwitchBrush]
+    lived(timeline, 2)
+    assert timeline.tick == 5
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_run(level, monkeypatch, tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from flockbrush.behaviours import behaviour as registry
 from flockbrush.behaviours.behaviour import Parameters, Wishes, quantity
 from flockbrush.components import BrushBinding, Heading, Position, Species, Speed, Velocity, Wish
+from flockbrush.engine.plugins import PluginError
 from flockbrush.engine.schedule import Ambiguity, Schedule
 from flockbrush.engine.state import state_hash
 from flockbrush.levels.build import build, systems
@@ -177,7 +178,7 @@ def test_a_model_that_answers_for_too_few_is_named(ill):
 
     simulation = meadow(ill(steer))
     put(simulation, [(10, 10), (15, 10)])
-    with pytest.raises(ValueError, match=r"model 'ill' was asked for 2 animals"):
+    with pytest.raises(PluginError, match=r"model 'ill' was asked for 2 animals"):
         simulation.tick()
 
 
@@ -187,7 +188,7 @@ def test_a_model_cannot_write_into_the_scene(ill):
 
     simulation = meadow(ill(steer))
     put(simulation, [(10, 10)])
-    with pytest.raises(ValueError, match="read-only"):
+    with pytest.raises(PluginError, match="read-only"):
         simulation.tick()
 
 

@@ -5,8 +5,10 @@ import pytest
 from flockbrush.behaviours import trigger
 from flockbrush.behaviours.amounts import Length
 from flockbrush.behaviours.program import shipped_programs
+from flockbrush.behaviours.trigger import Condition, condition, conditions, given
 from flockbrush.components import BrushBinding, ProgramState
 from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.plugins import PluginError
 from flockbrush.engine.state import state_hash
 from flockbrush.levels.build import build
 from flockbrush.levels.schema import Level, Spawn
@@ -315,7 +317,7 @@ def test_what_a_condition_must_not_answer_is_told_with_its_name(own_conditions, 
             return said(len(rows))
 
     scene = world(two_states(when.format("odd")), [HERE, FAR])
-    with pytest.raises(TypeError, match=r"condition 'odd': holds.* must return a bool array of .*\(2,\), got " + got):
+    with pytest.raises(PluginError, match=r"condition 'odd': holds.* must return a bool array of .*\(2,\), got " + got):
         scene.run(1)
 
 
@@ -334,7 +336,7 @@ def test_what_a_condition_remembers_is_checked_as_its_answer(own_conditions):
         def holds(self, senses, rows):
             return np.zeros(len(rows), bool)
 
-    with pytest.raises(TypeError, match=r"condition 'recalls': held.* must return a bool array .* got None"):
+    with pytest.raises(PluginError, match=r"condition 'recalls': held.* must return a bool array .* got None"):
         world(two_states("{ recalls = 1 }"), [HERE]).run(1)
 
 
@@ -393,3 +395,17 @@ def test_a_region_that_moves_is_asked_where_it_is():
     scene.run(2)
     assert states(scene) == ["moved"] and area("a", 0, 0, 1, 1).name == "a" and put(scene, [HERE]) is None
     assert np.isfinite(scene.agents[ProgramState.before]).all()
+
+
+def test_a_condition_of_others_that_fails_is_named_also_inside_another(monkeypatch):
+    class Ominous(Condition):
+        ominous: bool = given(True, "fails")
+
+        def holds(self, senses, rows):
+            raise KeyError("omen")
+
+    monkeypatch.setattr(trigger, "_kinds", dict(conditions()))
+    condition(Ominous)
+    scene = world(two_states("{ not = { ominous = true } }"), [(0, 0)])
+    with pytest.raises(PluginError, match=r"test_programs.py:[0-9]+: condition 'ominous' of .* KeyError: 'omen'"):
+        scene.tick()

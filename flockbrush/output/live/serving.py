@@ -8,6 +8,7 @@ import time
 
 from flockbrush.engine import limits
 from flockbrush.engine.commands import CommandError, Commands
+from flockbrush.engine.plugins import PluginError
 from flockbrush.levels.steps import CommandStack
 from flockbrush.output.live.frame import LABELLED, pack
 from flockbrush.output.live.link import Link
@@ -79,6 +80,10 @@ class Serving:
                 time.sleep(max(0.0, min(tick_due, frame_due) - time.monotonic()))
             if self.unrecorded:
                 self.tick()  # a recording holds commands with the tick that they come before
+        except PluginError as error:  # the world may be half changed
+            text = " ".join(problem.message for problem in error.problems)
+            self.link.tell_all(json.dumps({"type": "error", "id": None, "message": f"the server ends: {text}"}))
+            raise
         finally:
             self.link.close()
 
