@@ -172,16 +172,18 @@ def _property_row(p) -> str:
 
 def script_commands_page() -> str:
     """Return the page of commands for scripts, Python and recordings."""
-    import flockbrush.systems.commands
-    import flockbrush.systems.edits  # noqa: F401  both register commands
     from flockbrush.engine.commands import COMMANDS
+    from flockbrush.engine.plugins import is_ours, load_modules
 
+    from flockbrush import systems
+
+    load_modules(systems)  # these register commands
     parts = [
         "# Script commands\n\nAn object of class `Key` in the layer `script` gives a command at a set time. In Python, "
         "`simulation.submit(Command(...))` does the same. The playground uses the same commands."
     ]
     for name, cls in sorted(COMMANDS.items()):
-        if not cls.__module__.startswith("flockbrush."):
+        if not is_ours(cls.__module__):
             continue
         rows = [_field_row(field) for field in dataclasses.fields(cls)]
         table = "| field | type | default |\n|---|---|---|\n" + "\n".join(rows)

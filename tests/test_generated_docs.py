@@ -3,14 +3,21 @@
 import dataclasses
 import importlib.util
 import json
+import os
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
 import jsonschema
 import pytest
 from flockbrush.behaviours.behaviour import behaviours
+from flockbrush.engine.commands import COMMANDS
+from flockbrush.engine.plugins import is_ours, load_modules
 from flockbrush.levels.schema import CLASSES
 from test_house import long_lines
+
+from flockbrush import systems
 
 HOUSE = Path(__file__).parents[1]
 FILES = [
@@ -48,6 +55,17 @@ def test_the_site_names_every_property_of_level_classes():
     text = program("site_pages").level_classes_page()
     assert all(f"`{p.name}`" in text for c in CLASSES.values() for p in c.properties)
     assert "| `on_arrive` | stay \\| despawn \\| next \\| disperse | stay |" in text
+
+
+def test_the_site_has_a_section_for_each_command():
+    """In a process that has not imported what registers them."""
+    pytest.importorskip("mkdocs")
+    code = "import site_pages; print(site_pages.script_commands_page())"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HOUSE / "docs"), *filter(None, sys.path)])}
+    page = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    load_modules(systems)
+    wanted = sorted(name for name, cls in COMMANDS.items() if is_ours(cls.__module__))
+    assert [line[3:] for line in page.stdout.splitlines() if line.startswith("## ")] == wanted
 
 
 def test_a_new_model_gets_a_section_of_its_own(generate, monkeypatch):
