@@ -7,6 +7,7 @@ from flockbrush.behaviours import trigger as trigger_module
 from flockbrush.behaviours.brush import shipped
 from flockbrush.behaviours.trigger import conditions
 from flockbrush.components import Ground, Position, ProgramState, Velocity
+from flockbrush.engine.plugins import PluginError
 from flockbrush.engine.raster import Raster
 from flockbrush.systems.commands import AddAnimals, RemoveAnimals
 from flockbrush.systems.program_commands import Event, GiveProgram, SetState, UseProgram
@@ -325,7 +326,7 @@ def test_a_condition_of_a_user_gets_what_it_says_that_it_needs(monkeypatch):
 
     assert braking() == [True]
     Brakes.needs = ()
-    with pytest.raises(AttributeError, match=r'asks for senses.before must say so: needs = \("before",\)'):
+    with pytest.raises(PluginError, match=r'asks for senses.before must say so: needs = \("before",\)'):
         braking()
 
 
