@@ -42,7 +42,7 @@ def brush_check(
     files: Annotated[list[str], argument("FILE...", "Brush files, .path.toml files, or names of shipped brushes.")],
 ):
     """Check brushes and print every problem as `file:line: ...`."""
-    from flockbrush.cli.level_commands import check_brushes
+    from flockbrush.cli.brush_checks import check_brushes
 
     check_brushes(files)
 
