@@ -47,6 +47,7 @@ def test_python_learns_a_brush_from_an_array(learned, tmp_path):
     assert flockbrush.load_brush(path).params == learned.brush.params
     assert learned.brush.name == "marchers" and learned.brush.provenance.kind == "learned"
     assert learned.brush.body.length == flockbrush.shipped().get("march").body.length
+    assert all(getattr(learned.brush.params, one.name) == pytest.approx(one.value) for one in learned.parameters)
     assert "tracks" in learned.verdict and learned.kind in ("like", "partly", "rival", "untold")
     told = {row["name"]: row for row in learned.measures}
     assert told["polarization"]["clip"] > 0.9 and told["polarization"]["met"]
@@ -85,7 +86,7 @@ def test_numbers_whose_errors_go_together_are_named():
     blank = Learned(None, None, None, None, np.full(12, 0.5), deviation=np.full(12, 0.02), correlation=correlation)
     found = estimates_of(blank)
     assert found[0].confounded_with == ("cohesion_weight", "alignment_weight") and found[0].correlation == (-0.95, 0.8)
-    assert found[1].confounded_with == ()
+    assert found[1].confounded_with == () and found[1].told == "0.500 ± 0.020"
 
 
 @pytest.mark.slow
@@ -149,7 +150,7 @@ def test_notes_are_in_words_of_python(learned):
 
 def test_what_was_learned_is_shown_in_a_line(learned, capsys):
     assert repr(learned) == f"<LearnedBrush marchers: {learned.verdict}>" and str(learned.brush) == repr(learned.brush)
-    assert {type(row["off"]) for row in learned.measures} == {float}
+    assert {type(value) for row in learned.measures for value in row.values()} == {str, float, bool}
 
 
 def test_the_command_learns_from_a_table_with_gaps(tracks, hasty_learning, short_trials, tmp_path, capsys):
