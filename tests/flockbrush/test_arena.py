@@ -17,6 +17,7 @@ from flockbrush.film.arena import Arena, ring
 from flockbrush.film.looking import Looking
 from flockbrush.film.open_clip import look_at, looked_apart
 from flockbrush.film.track_files import read_trajectories
+from flockbrush.learning import trials
 from flockbrush.learning.group_size_test import with_other_numbers
 from flockbrush.learning.initial_conditions import body_of, resized_among, start_of
 from flockbrush.learning.recipe import _signature, learn
@@ -198,7 +199,8 @@ def test_turns_from_the_wall_are_told_from_turns_with_neighbours(file):
     assert fit.theta[9] == pytest.approx(PARAMS.obstacle_weight, rel=0.35) and np.isfinite(fit.deviation[9])
 
 
-def test_how_strongly_animals_turn_from_the_wall_is_learned(file, short_trials):
+def test_how_strongly_animals_turn_from_the_wall_is_learned(file, monkeypatch):
+    monkeypatch.setattr(trials, "BEYOND", (2.0, 2.0))  # in this test alone: others leave herds alone for long
     few = SearchSettings(starts=3, quick=True, budget_s=2.0, brushes=False)
     found = learn(seen_in(file, TANK), few)
     strength = found.params.obstacle_weight * found.params.sensitivity
