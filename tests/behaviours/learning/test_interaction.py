@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.foreign_herds import Truth
 from benchmarks.herd_film import evidence_of_truth
-from flockbrush.learning import recipe
+from flockbrush.learning import recipe, trials
 from flockbrush.learning.interaction import LEAST, SHOWN, idle_ones, interaction_of
 from flockbrush.learning.rollout import theta_of
 from flockbrush.learning.turns import turns_of
@@ -57,6 +57,7 @@ def test_a_herd_without_interaction_is_not_learned_though_its_trials_are_the_bes
     nobody[0:9:3] = 1e-3
     begins = [("nobody", nobody, {"wander": 0.3, **EXTRAS}), ("random 1", theta_of(brush.params), EXTRAS)]
     monkeypatch.setattr(recipe, "trial", judged)
+    monkeypatch.setattr(trials, "STAY", 3.0)
     found = recipe.learn(clip, recipe.SearchSettings(seed=1, budget_s=0.5, begins=begins))
     assert max(found.theta[0:9:3]) * found.extras.get("sensitivity", 10.0) > 1.0
     assert any("hardly react to neighbours" in note for note in found.notes)

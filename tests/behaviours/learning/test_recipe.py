@@ -1,6 +1,8 @@
 """A herd is learned: the same with the same seed, in one go or taken up again; who stops it gets the best so far."""
 
+import contextlib
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from flockbrush.levels.build import plane
 from benchmarks.foreign_herds import Truth, herd
 from benchmarks.herd_film import evidence_of_truth
 from benchmarks.learning_truth import film_of
-from flockbrush.learning import recipe, workers
+from flockbrush.learning import recipe, trials, workers
 from flockbrush.learning.cloud import GENERATION, Cloud
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.initial_conditions import body_of, speed_of, start_of
@@ -27,6 +29,7 @@ from flockbrush.learning.workers import Workers, WorkStopped
 FEW = SearchSettings(seed=2, budget_s=0.5, starts=2, brushes=False)
 
 
+@functools.cache
 def swarm_of_graze(animals=24, seconds=1.5, fps=20.0):
     """A clip of grazing animals, who turn for one another, with everything known."""
     from flockbrush.behaviours.brush import shipped
@@ -45,9 +48,25 @@ def clip():
     return swarm_of_graze()[0]
 
 
+@contextlib.contextmanager
+def short_trials():
+    """Herds are not run on for long, where it does not matter what becomes of them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trials, "BEYOND", (2.0, 2.0))
+        patch.setattr(trials, "STAY", 5.0)
+        yield
+
+
+@pytest.fixture
+def briefly():
+    with short_trials():
+        yield
+
+
 @pytest.fixture(scope="module")
 def found(clip):
-    return learn(clip, FEW)
+    with short_trials():
+        return learn(clip, FEW)
 
 
 def test_what_is_learned_is_a_brush_and_what_is_known_of_it(found):
@@ -62,7 +81,7 @@ def test_what_is_learned_is_a_brush_and_what_is_known_of_it(found):
     assert {"polarization", "lasting polarization"} <= set(found.held_out)
 
 
-def test_quick_learning_fits_random_starts_and_tries_brushes_as_they_are(clip):
+def test_quick_learning_fits_random_starts_and_tries_brushes_as_they_are(clip, briefly):
     quick = learn(clip, dataclasses.replace(FEW, budget_s=0.05, starts=1, brushes=True, quick=True))
     tried = [a for a in quick.starts if not a.name.startswith("random")]
     assert len(tried) > 10 and all(len(a.loss) == 0 for a in tried)
@@ -94,7 +113,7 @@ def test_the_turns_of_the_animals_give_back_their_avoidance(found):
     assert found.params.avoidance_radial == pytest.approx(truth.avoidance_radial, abs=0.1)
 
 
-def test_the_same_seed_learns_the_same_and_work_that_was_kept_is_not_done_again(clip, found, tmp_path):
+def test_the_same_seed_learns_the_same_and_work_that_was_kept_is_not_done_again(clip, found, tmp_path, briefly):
     kept = tmp_path / "work.json"
     asked = []
 
