@@ -169,8 +169,8 @@ def usual_body(made_for: Iterable[str], library: SpeciesLibrary | None = None) -
 
 def flies_free(brush: Brush) -> bool:
     """Whether a brush moves its animals through the air, and not along the ground."""
-    flight = _models()[brush.model].flight_of(brush.params)
-    return flight is not None and not flight.grounded
+    model = _models()[brush.model]
+    return model.flight is not None and not model.flight_of(brush.params).grounded
 
 
 def can_move(species: Any, brush: Brush) -> bool:

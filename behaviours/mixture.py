@@ -118,6 +118,7 @@ def _misfits(path: BrushPath, brushes: Mapping[str, Brush]) -> list[Mistake]:
     if start is None or end is None or not can_mix(start, end):
         return []
     fields = type(start.params).model_fields
+    known = path.start_sha256 and path.end_sha256  # else a brush may have been changed since
     mistakes: list[Mistake] = []
     numbers = [name for name in fields if _are_numbers(getattr(start.params, name), getattr(end.params, name))]
     for name, values in path.detour.items():
@@ -129,7 +130,7 @@ def _misfits(path: BrushPath, brushes: Mapping[str, Brush]) -> list[Mistake]:
         for k, (share, extra) in enumerate(zip(path.along, values, strict=True)):
             value = a + share * (b - a) + extra
             beyond = abs(value - limits.nearest(value)) > ROUNDED * (abs(a) + abs(b) + abs(extra))
-            if beyond and not path.replaced((start, end)):
+            if beyond and known and not path.replaced((start, end)):
                 message = f"makes {name} {value:g} at step {k}/{len(values) - 1}; it must be {span(fields[name])}"
                 mistakes.append((("detour", name, k), message))
     return mistakes

@@ -9,7 +9,7 @@ import os
 import types
 import typing
 from collections.abc import Callable, Sequence
-from numbers import Real
+from numbers import Integral, Real
 from operator import index
 
 import numpy as np
@@ -86,7 +86,7 @@ def _check(name, value, hint, meant=None):
         shown = repr(value)
         shown = shown if len(shown) < 200 else shown[:190] + "..."
         raise TypeError(f"{name} must be {meant or _words(hint)}, got {shown}")
-    if isinstance(value, Real) and not math.isfinite(value):
+    if isinstance(value, Real) and not isinstance(value, Integral) and not math.isfinite(value):
         raise ValueError(f"{name} must be a finite number, got {value}")
 
 

@@ -159,6 +159,8 @@ def from_record(name, values):
 def to_json(cmd):
     """A command as JSON, ``[name, fields]``, with numpy's numbers and arrays as Python's.
 
+    Numbers that are not finite are written as NaN or Infinity, which `from_json` refuses with their field.
+
     Raises
     ------
     ValueError
@@ -256,7 +258,8 @@ def _instead(word, known):
     return f"; did you mean {close[0]!r}?" if close else f"; available: {', '.join(sorted(known)) or 'none'}"
 
 
-def _blaming(cmd):
+def blaming_of(cmd):
+    """Errors that a command must not raise are told of the package that it is from."""
     return blaming("command", type(cmd).__name__, type(cmd).__module__, (ValueError, LookupError))
 
 
@@ -351,7 +354,7 @@ class Commands:
             _, _, cmd, key = heapq.heappop(self._pending)
             try:
                 self._check_refusal(cmd)
-                with _blaming(cmd):
+                with blaming_of(cmd):
                     cmd.apply(world)
             except (ValueError, LookupError) as error:
                 raise CommandError(now, cmd, error.args[0] if error.args else error, self.source, key) from error
@@ -413,7 +416,7 @@ class Commands:
             cmd = _as_replayed(cmd)
             if not takes_back:
                 self._check_refusal(cmd)
-            with _blaming(cmd):
+            with blaming_of(cmd):
                 parts = cmd.touches(world) if hasattr(cmd, "touches") else []
                 before = [part.taken(world) for part in parts]
                 cmd.apply(world)

@@ -211,7 +211,7 @@ class Recorder:
     def close(self, in_tick=False):
         """End the recording in good order, after the last commands and a hash of the last state.
 
-        With ``in_tick`` the world stands in the middle of a tick that failed: the recording ends before it.
+        With ``in_tick`` the world may stand in the middle of a tick that failed: the recording ends before it.
         """
         clock = self.world.resource(Clock)
         self.world.resource(Commands).refusal = None
@@ -225,6 +225,11 @@ class Recorder:
         self._keep_ends(clock.tick)
         self.recording.close(clock.tick)
 
+    def abandon(self):
+        """Let go of the file without an end."""
+        self.world.resource(Commands).refusal = None
+        self.recording.abandon()
+
     def _refusal(self, cmd):
         """Why a command that is about to be applied cannot be kept, or ""."""
         log = self.world.resource(Commands).log
@@ -232,7 +237,7 @@ class Recorder:
             self._room.take(to_json(applied).encode())
         self._counted = max(self._counted, len(log))
         refusal = self._room.refusal(to_json(cmd).encode(), ROOM)
-        return refusal and f"the recording has no room for it (with what is kept free for taking back, {refusal})"
+        return refusal and f"the recording has no room for it: {refusal}"
 
     def _keep_hash(self, tick):
         marks: dict[str, bytes] = {}
@@ -252,8 +257,8 @@ class Recorder:
     def __enter__(self):
         return self
 
-    def __exit__(self, *error):
-        self.close()
+    def __exit__(self, kind, error, trace):
+        self.close(in_tick=kind is not None)
 
 
 @dataclass(frozen=True)

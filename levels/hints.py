@@ -94,7 +94,7 @@ def _morph(level, library, start, end):
 def _brush_argument(level, library, name):
     """How a command names a brush of a level: a shipped one by name, others by file."""
     file = library.path(name)
-    if not file.is_file():  # embedded: the level names it as a file, or it is in a recording
+    if file.parent == Path():  # embedded: the level names it as a file, or it is in a recording
         named = [own for own in level.files if PurePosixPath(own).name == file.name]
         file = next(iter(input_files(level.path, named)), None)
     return name if file is None or file.parent in shipped().folders else _from_here(file)

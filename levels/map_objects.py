@@ -15,7 +15,8 @@ TYPES = {bool: "bool", int: "int", float: "float", str: "string"}  # of argument
 class MapObjects:
     """The objects of an `EditedMap`.
 
-    An object that was taken out and is drawn again comes back as it was, in its layer.
+    An object that was taken out and is drawn again keeps what no command tells, and comes into its layer if the order
+    of the level allows it.
     """
 
     def __init__(self):

@@ -9,6 +9,7 @@ from dataclasses import replace
 from operator import attrgetter
 from typing import Any, NamedTuple
 
+from flockbrush.engine.commands import blaming_of
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.life import Nursery
@@ -76,10 +77,11 @@ def foreseen(world, command):
         When the command cannot be done.
     """
     check = getattr(command, "check_form", None) or getattr(command, "check", None)
-    if check is not None:
-        check(world)
-    if hasattr(command, "foresee"):
-        command.foresee(world)
+    with blaming_of(command):
+        if check is not None:
+            check(world)
+        if hasattr(command, "foresee"):
+            command.foresee(world)
 
 
 class TouchedThings(NamedTuple):

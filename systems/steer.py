@@ -122,13 +122,13 @@ class AskModels(System):
             _check(model, wishes, len(rows))
             said = (wishes.direction, wishes.pace, wishes.acceleration, wishes.velocity)
             finite = [np.isfinite(some) for some in said if some is not None]
-        if not all(some.all() for some in finite):
-            fine = np.all([some.reshape(len(rows), -1).all(1) for some in finite], axis=0)
-            entity = int(scene.ids[rows[np.argmin(fine)]])
-            raise NotFinite(
-                f"model {model.name!r} (brush {brush.name!r}) gave a wish that is "
-                f"not finite, for entity {entity} in tick {scene.tick}"
-            )
+            if not all(some.all() for some in finite):
+                fine = np.all([some.reshape(len(rows), -1).all(1) for some in finite], axis=0)
+                entity = int(scene.ids[rows[np.argmin(fine)]])
+                raise NotFinite(
+                    f"model {model.name!r} (brush {brush.name!r}) gave a wish that is "
+                    f"not finite, for entity {entity} in tick {scene.tick}"
+                )
         return wishes
 
 

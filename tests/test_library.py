@@ -18,6 +18,7 @@ from flockbrush.systems.commands import RemoveAnimals
 from flockbrush.systems.palette import Palette
 
 import flockbrush
+from flockbrush.runs.run import find_level
 
 CELL = '''
 import numpy as np
@@ -241,6 +242,8 @@ def test_arguments_of_a_simulation_are_told_with_their_names(tmp_path):
         (lambda: herd.submit(gone, tick="x"), "tick must be a whole number, got 'x'"),
         (lambda: herd.submit(gone, tick=-5), "tick must be at least 0, got -5"),
         (lambda: flockbrush.build(meadow.level, library=3), "library must be a BrushLibrary, got 3"),
+        (lambda: flockbrush.start("meadow", seed=10**400), "seed must be a whole number from 0 to"),
+        (lambda: find_level(3), "name must be the name of a shipped level or a path, got 3"),
         (lambda: flockbrush.build(herd.level, agents="3"), "agents must be a whole number, got '3'"),
         (lambda: flockbrush.record(tmp_path / "a.flock", meadow, -1), "keyframes must be at least 0"),
         (lambda: flockbrush.plane(count=3), r"plane\(\) missing 1 required positional argument: 'brush'"),

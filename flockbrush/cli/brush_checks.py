@@ -34,12 +34,14 @@ def _check_brush(name):
 
 
 def _check_path(name):
-    path = load_path(source := read_bytes(name), name)
-    beside = [Path(name).with_name(end + SUFFIX) for end in (path.start, path.end)]
-    library = library_beside(name).with_files({file.name: read_bytes(file) for file in beside if file.is_file()})
-    missing = [repr(end) for end in (path.start, path.end) if library.file_of(end) is None]
-    load_path(source, name, [library.get(end) for end in (path.start, path.end) if library.file_of(end)])
+    source = read_bytes(name)
+    path = load_path(source, name)
+    ends = path.start, path.end
+    beside = [file for end in ends if (file := Path(name).with_name(end + SUFFIX)).is_file()]
+    library = library_beside(name).with_files({file.name: read_bytes(file) for file in beside})
+    known = [end for end in ends if library.file_of(end) is not None]
+    load_path(source, name, map(library.get, known))  # its detour, by the brushes
     kind = "even" if path.even else "bistable" if path.bistable else "uneven"
     print_line(f"{name}: ok: path from {path.start} to {path.end}, {kind}")
-    if missing:
+    if missing := [repr(end) for end in ends if end not in known]:
         print_line(f"{name}: note: there is no brush {' and no brush '.join(missing)}, so [detour] was not checked")

@@ -148,7 +148,7 @@ def recorder_of(path, simulation, keyframes=None):
         recorder.close()
         raise
     except BaseException:
-        recorder.recording.abandon()
+        recorder.abandon()
         raise
     recorder.close()
 

@@ -24,10 +24,10 @@ def morph_brushes(start, end, output, trials: list[Trial], route: Route):
         for name in names:
             if not any(field.startswith(name) for field in type(first.params).model_fields):
                 raise refused(first.name, f"model {first.model!r} has no parameter {name} ({option})")
-    names = [f"{one}--{two}{PATH_SUFFIX}" for one, two in ((first.name, last.name), (last.name, first.name))]
-    file = Path(output or names[0])
-    if file.name not in names:
-        raise refused(file, f"levels find a path by its name: this one must be {names[0]} or {names[1]}")
+    bases = [f"{one}--{two}{PATH_SUFFIX}" for one, two in ((first.name, last.name), (last.name, first.name))]
+    file = Path(output or bases[0])
+    if file.name not in bases:
+        raise refused(file, f"levels find a path by its name: this one must be {bases[0]} or {bases[1]}")
     if file.parent.parent.is_dir():
         file.parent.mkdir(exist_ok=True)
     with held(file):

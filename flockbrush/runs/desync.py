@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from flockbrush.engine.files import refused, whole, write_text
+from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError, resume
 from flockbrush.engine.schedule import Stage
 from flockbrush.engine.state import StateError, check_beginning, column_of, parts_of, snapshot, state_hash
@@ -230,7 +231,7 @@ def _go_on(run, report, simulation):
         there = _recorded(run, later, simulation.world)
         while simulation.clock.tick < later:
             simulation.tick()
-    except (ValueError, LookupError, ArithmeticError, RecordingError) as error:
+    except (ValueError, LookupError, ArithmeticError, ProblemsError, RecordingError) as error:
         report.notes.append(f"the replay does not reach the next snapshot, of tick {later}: {error}")
         return
     report.later = later

@@ -54,7 +54,8 @@ def shipped_levels() -> list[str]:
     return sorted(path.stem for path in SHIPPED.glob("*.tmj"))
 
 
-def find_level(name) -> Path:
+@checked(name="the name of a shipped level or a path")
+def find_level(name: str | os.PathLike) -> Path:
     """The file of a level given as a path, or as the name of a shipped one.
 
     Raises

@@ -60,12 +60,13 @@ def test_a_key_that_fails_is_named_and_what_was_written_before_it_is_kept(tmp_pa
     assert called(["replay", str(run), "--verify"]) == 0
 
 
-def test_a_recording_ends_before_the_tick_that_failed(tmp_path):
+@pytest.mark.parametrize("begun", [recorder_of, lambda path, simulation: flockbrush.record(path, simulation)])
+def test_a_recording_ends_before_the_tick_that_failed(tmp_path, begun):
     """What was done in that tick before is in none of its snapshots."""
     simulation = flockbrush.start("meadow", 1, 10)
     for cmd in (SwitchBrush("march"), MoveObstacle("rock", 3.0, 3.0)):
         simulation.submit(cmd, 4)
-    with pytest.raises(CommandError, match="rock"), recorder_of(tmp_path / "k.flock", simulation) as recorder:
+    with pytest.raises(CommandError, match="rock"), begun(tmp_path / "k.flock", simulation) as recorder:
         for _ in range(8):
             simulation.tick()
             recorder.take()

@@ -151,18 +151,27 @@ def test_what_a_path_adds_to_parameters_must_be_possible(cli, tmp_path, detour, 
         'schema = "flockbrush.path/1"',
         'start = "graze"',
         'end = "march"',
+        *(f'{end}_sha256 = "{shipped().get(name).sha256}"' for end, name in (("start", "graze"), ("end", "march"))),
         "along = [0, 0.5, 1]",
         "[detour]",
         detour,
     )
     path.write_text("\n".join(lines))
     done = cli("brush", "check", path)
-    assert done.code == 1 and done.out.startswith(f"{path}:6: {said}")
+    assert done.code == 1 and done.out.startswith(f"{path}:8: {said}")
     path.write_text(path.read_text().replace("graze", "mine"))
     done = cli("brush", "check", path.rename(tmp_path / "mine--march.path.toml"))
     assert done.code == 0 and "there is no brush 'mine', so [detour] was not checked" in done.out
     (tmp_path / "mine.brush.toml").write_bytes((BRUSHES / "graze.brush.toml").read_bytes())
     assert said in cli("brush", "check", tmp_path / "mine--march.path.toml").out
+
+
+def test_what_a_path_adds_is_cut_where_a_brush_may_have_been_changed_since(cli, tmp_path):
+    path = tmp_path / "graze--march.path.toml"
+    path.write_text('schema = "flockbrush.path/1"\nstart = "graze"\nend = "march"\nalong = [0, 0.5, 1]\n')
+    with path.open("a") as file:
+        file.write("[detour]\nwander = [0, 99, 0]\n")
+    assert cli("brush", "check", path).code == 0
 
 
 def test_what_is_wrong_with_brushes_is_told_with_file_and_line(cli, tmp_path):

@@ -257,6 +257,17 @@ class TestPaint:
         command = "flockbrush brush morph brushes/mine.brush.toml march -o brushes/mine--march.path.toml"
         assert f"; {command} measures a path" in str(found.warnings[0])
 
+    def test_a_brush_that_is_embedded_is_not_taken_for_a_file_in_the_current_folder(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "march.brush.toml").write_bytes(shipped().get("graze").source)
+        layer = tiles("brush", [3] * 100, opacity=0.5, properties=properties(blend="mix", edge=4.0))
+        document = level(tiles(), layer, objects("spawns", herd(brush="mine")))
+        mine = {f"{name}.brush.toml": shipped().get(name).source for name in ("march",)}
+        mine["mine.brush.toml"] = shipped().get("graze").source
+        library = BrushLibrary(shipped().folders).with_files(mine)
+        (warning,) = read_level_files({"small.tmj": json.dumps(document).encode()}, library).warnings
+        assert "flockbrush brush morph mine march -o " in str(warning)
+
     @pytest.mark.parametrize(
         ("values", "said"),
         [

@@ -15,7 +15,7 @@ from flockbrush.levels.build import build, systems
 from flockbrush.levels.libraries import brush_library
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.steer import AskModels, NotFinite
+from flockbrush.systems.steer import AskModels
 from small_herd import brush, gaps_of, meadow, put, room_in_the_air, straight, xy_of
 from test_laws import lively
 
@@ -166,7 +166,7 @@ def test_a_model_that_gives_no_number_is_named_with_tick_and_entity(ill, what, v
     simulation = meadow(ill(steer))
     put(simulation, [(10, 10), (15, 10), (20, 10), (25, 10)])
     simulation.run(3)
-    with pytest.raises(NotFinite, match=r"model 'ill' \(brush 'sick'\) .* for entity 3 in tick 3"):
+    with pytest.raises(PluginError, match=r"model 'ill' \(brush 'sick'\) .* for entity 3 in tick 3"):
         simulation.tick()
     for column in (Position.xyz, Heading.forward, Wish.direction, Wish.pace):
         assert np.isfinite(simulation.agents[column]).all()

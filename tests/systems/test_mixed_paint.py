@@ -239,14 +239,16 @@ def refusing(start, end, path):
 def test_a_mix_that_cannot_be_says_why_and_changes_nothing(monkeypatch):
     simulation = herd(many=1)
     queue, before = simulation.world.resource(Commands), state_hash(simulation.world)
+    own = {brush.name: brush.sha256 for brush in simulation.world.resource(Palette).own}
+    digests = {"start_sha256": own["walk"], "end_sha256": own["run"]}
     for command, said in (
         (MixBrush("rnu", {}), "no brush 'rnu'"),
         (MixBrush("run", {"a--b.path.toml": "schema = 3"}), "a--b.path.toml"),
         (MixBrush("run", {"walk--rnu.path.toml": path_to_toml(DETOUR)}), "walk--rnu.path.toml:3: end: the file of a"),
         (MixBrush("flock", {"walk--run.path.toml": path_to_toml(DETOUR)}), "neither begins nor ends at 'flock'"),
         (
-            MixBrush("run", {"walk--run.path.toml": path_to_toml(HERE)}),
-            "walk--run.path.toml:13: detour.max_turn.1.: mak",
+            MixBrush("run", {"walk--run.path.toml": path_to_toml(HERE.model_copy(update=digests))}),
+            "walk--run.path.toml:15: detour.max_turn.1.: mak",
         ),
         (MixBrush("run", {"walk--run.path.toml": path_to_toml(DETOUR)}), "max_turn must be 10"),
     ):
