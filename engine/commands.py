@@ -138,6 +138,8 @@ def from_record(name, values):
         For an unknown name or field, a missing one, or a value of the wrong type, with what there is; for one that is
         not finite or out of all bounds.
     """
+    if not isinstance(values, dict):
+        raise ValueError(f"the fields of command {_short(name)} must be an object, got {_short(repr(values))}")
     for field, value in values.items():
         _check_sound(f"{_short(name)}.{_short(field)}", value, limits.COMMAND_DEPTH)
     known_commands = commands()

@@ -43,7 +43,7 @@ def test_a_command_for_which_the_recording_has_no_room_is_refused_and_ends_nothi
         served.run(lambda: served.simulation.clock.tick == 3)
     done = [answer["type"] for answer in served.told].count("done")
     assert [answer["type"] for answer in served.told] == ["done"] * done + ["error"] * (12 - done) and done > 3
-    assert served.told[-1]["message"].startswith("the recording has no room for it (")
+    assert served.told[-1]["message"].startswith("the recording has no room for it: its commands ")
     goals = served.simulation.world.resource(Landscape).goals
     assert sum(goal.name.startswith("pond ") for goal in goals) == done
     run = open_recording(path)

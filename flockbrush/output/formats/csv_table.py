@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from flockbrush.film.track_table import about_file
 from flockbrush.output.exporter import Exporter, exporter
 
 
@@ -17,6 +16,8 @@ class Csv(Exporter):
 
     @classmethod
     def beside(cls, path):
+        from flockbrush.film.track_table import about_file
+
         return [about_file(path)]
 
     def open(self):

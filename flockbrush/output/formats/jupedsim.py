@@ -6,7 +6,6 @@ import math
 import sqlite3
 
 from flockbrush.output.exporter import Exporter, exporter
-from flockbrush.systems.ground_edges import solid_images
 
 VERSION = 2  # of JuPedSim's schema
 SCHEMA = """
@@ -62,6 +61,8 @@ class Sqlite(Exporter):
 
     def _geometry(self):
         """Hash of the walkable area there is now: a row of the table ``geometry`` for each that is new."""
+        from flockbrush.systems.ground_edges import solid_images
+
         land = self._scenery.land
         barriers = [o.polygon for o in solid_images(land.barriers, land.wrap)]
         outlines = [outline.tobytes() for outline in barriers]
