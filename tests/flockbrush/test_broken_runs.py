@@ -1,5 +1,7 @@
 """A run that cannot go on says why in one line, and never shows a traceback."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from flockbrush.behaviours import behaviour as model_module
@@ -40,12 +42,9 @@ def test_a_refused_command_names_tick_command_and_reason():
     assert text == "tick 32: SwitchBrush(brush='rnu', species='', x=0.0, y=0.0, radius=0.0): no brush 'rnu'"
 
 
-def test_a_key_that_fails_is_named_and_what_was_written_before_it_is_kept(tmp_path, capsys):
-    run, table = tmp_path / "k.flock", tmp_path / "k.csv"
-    simulation = flockbrush.start("meadow", 1, 10)
-    simulation.world.resource(Commands).follow(11, 32, MoveObstacle("rock", 3.0, 3.0))
+def run_on(simulation, run, table):
+    """Run, record and export 64 ticks."""
     with (
-        pytest.raises(CommandError, match="^tick 32, object 11 in layer 'script': .*: there is no obstacle 'rock'"),
         recorder_of(run, simulation) as recorder,
         Exports([table], simulation) as exports,
         stepping("meadow", simulation, 64, Interrupts(), True) as stepped,
@@ -55,6 +54,14 @@ def test_a_key_that_fails_is_named_and_what_was_written_before_it_is_kept(tmp_pa
             recorder.take()
             exports.take()
             stepped()
+
+
+def test_a_key_that_fails_is_named_and_what_was_written_before_it_is_kept(tmp_path, capsys):
+    run, table = tmp_path / "k.flock", tmp_path / "k.csv"
+    simulation = flockbrush.start("meadow", 1, 10)
+    simulation.world.resource(Commands).follow(11, 32, MoveObstacle("rock", 3.0, 3.0))
+    with pytest.raises(CommandError, match="^tick 32, object 11 in layer 'script': .*: there is no obstacle 'rock'"):
+        run_on(simulation, run, table)
     assert "stopped after tick 32; the written files are complete up to this tick" in capsys.readouterr().err
     assert table.read_text().splitlines()[-1].startswith("32,")
     assert called(["replay", str(run), "--verify"]) == 0
@@ -115,9 +122,13 @@ def with_drive(monkeypatch):
     return graze.model_copy(update={"drives": {"mine": drive_module.DriveParameters()}})
 
 
-def with_model(monkeypatch):
+def stray(scene, rows, params):
+    return Wishes(scene.forward[rows], np.full(len(rows), 1.0 if scene.tick < 3 else np.nan))
+
+
+def with_model(monkeypatch, acts=steer):
     monkeypatch.setattr(model_module, "_registry", dict(model_module.behaviours()))
-    model_module.behaviour("ill", model_module.Parameters)(steer)
+    model_module.behaviour("ill", model_module.Parameters)(acts)
     graze = flockbrush.shipped().get("graze")
     return graze.model_copy(update={"model": "ill", "params": model_module.Parameters()})
 
@@ -127,6 +138,10 @@ def with_model(monkeypatch):
     [
         (with_drive, ":[0-9]+: drive 'mine' of .*test_broken_runs failed: ZeroDivisionError: division by zero"),
         (with_model, ": model 'ill' must return Wishes, got ndarray"),
+        (
+            partial(with_model, acts=stray),
+            r": model 'ill' \(brush 'graze'\) gave a wish that is not finite.* in tick 3",
+        ),
     ],
 )
 def test_what_others_registered_is_named_with_its_file_and_what_was_written_is_kept(
@@ -134,17 +149,8 @@ def test_what_others_registered_is_named_with_its_file_and_what_was_written_is_k
 ):
     run, table = tmp_path / "k.flock", tmp_path / "k.csv"
     simulation = flockbrush.start("meadow", 1, 10, make(monkeypatch))
-    with (
-        pytest.raises(PluginError, match=f"^.*test_broken_runs.py{words}$") as caught,
-        recorder_of(run, simulation) as recorder,
-        Exports([table], simulation) as exports,
-        stepping("meadow", simulation, 64, Interrupts(), True) as stepped,
-    ):
-        for _ in range(64):
-            simulation.tick()
-            recorder.take()
-            exports.take()
-            stepped()
+    with pytest.raises(PluginError, match=f"^.*test_broken_runs.py{words}$") as caught:
+        run_on(simulation, run, table)
     assert "stopped after tick 3; the written files are complete up to this tick" in capsys.readouterr().err
     assert table.read_text().splitlines()[-1].startswith("3,")
     assert (open_recording(run).last_tick, open_recording(run).truncated) == (3, False)
