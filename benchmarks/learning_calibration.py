@@ -7,7 +7,7 @@ to 100 animals with that brush, observed with noise (positions and body axes, no
 by the clip: the true one with another seed, and a wrong one, which is either another shipped brush with the clip's
 speeds or the true brush with one change.  A wrong brush counts only if it is separable from the true one: over 20
 seeds, at least one measure orders 95 of 100 pairs of runs the same way, over the four seconds or after 20 s on its
-own.  ``--truths`` judges the true brushes alone, in a tenth of the time.
+own.  ``--truths`` judges the true brushes alone: nothing is simulated to tell brushes apart.
 
 Wrongly accepted: the verdict on a wrong brush is "moves like the film".  Wrongly rejected: a true brush gets any other
 verdict, including "cannot be told".

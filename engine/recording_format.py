@@ -88,7 +88,7 @@ class CommandRoom:
         """Why one more command, as JSON, does not fit into this share of the room; "" where it does."""
         if len(text) > limits.RECORDING_TEXT_BYTES:
             return f"one of its commands is more than {limits.RECORDING_TEXT_BYTES.text}"
-        kept = f", of which {1 - share:.3g} is kept for taking commands back" if share < 1 else ""
+        kept = f" ({1 - share:.1%} of that is kept free for taking commands back)" if share < 1 else ""
         if self._bytes + len(text) > share * limits.RECORDING_COMMANDS_BYTES:
             return f"its commands are more than {limits.RECORDING_COMMANDS_BYTES.text}{kept}"
         if self._values + _values_in(text) > share * limits.RECORDING_VALUES:

@@ -161,7 +161,9 @@ def test_a_command_without_room_is_refused_and_the_recording_goes_on(path, monke
     for _ in range(9):
         queue.perform(world, [Whistle(1.0, [[]] * 45)])
     before = state_hash(world)
-    with pytest.raises(CommandError, match="no room for it: .*hold more than 1,000 values, of which 0.125 is kept"):
+    with pytest.raises(
+        CommandError, match=r"no room for it: .*hold more than 1,000 values \(12.5% of that is kept free"
+    ):
         queue.perform(world, [Whistle(2.0), Whistle(1.0, [[]] * 45)])
     assert state_hash(world) == before
     queue.submit(Whistle(1.0, [[]] * 45))
