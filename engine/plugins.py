@@ -16,7 +16,7 @@ from flockbrush.engine.problems import Problem, ProblemsError
 
 
 class PluginError(ProblemsError):
-    """What another package, a script or a notebook registered is wrong; ``str()`` says what, with file and line."""
+    """What is registered failed in a run; ``str()`` says what, with file and line."""
 
 
 @contextmanager
@@ -57,7 +57,12 @@ def _place(error, module):
     for frame, line in reversed([*traceback.walk_tb(error.__traceback__)]):
         if frame.f_globals.get("__name__") == module:
             return frame.f_code.co_filename, line
-    return getattr(sys.modules.get(module), "__file__", None) or f"module {module}", None
+    return file_of(module), None
+
+
+def file_of(module: str) -> str:
+    """The file of a module that is loaded, or the module's name where it has none."""
+    return getattr(sys.modules.get(module), "__file__", None) or f"module {module}"
 
 
 def load_modules(package: ModuleType) -> None:

@@ -32,6 +32,8 @@ from flockbrush.components.agent import BY_ACCELERATION, BY_HEADING, BY_VELOCITY
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.parallel import over_rows
+from flockbrush.engine.plugins import PluginError, file_of
+from flockbrush.engine.problems import Problem
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.engine.seam import short_way
 from flockbrush.systems.allocation import (
@@ -54,10 +56,6 @@ from flockbrush.systems.space import birds_of
 from numba import njit
 
 NOT_MADE = None, None, None  # lists that no model needs
-
-
-class NotFinite(ArithmeticError):
-    """A model produced NaN or infinity; nothing of it has reached a column."""
 
 
 class AskModels(System):
@@ -125,10 +123,9 @@ class AskModels(System):
             if not all(some.all() for some in finite):
                 fine = np.all([some.reshape(len(rows), -1).all(1) for some in finite], axis=0)
                 entity = int(scene.ids[rows[np.argmin(fine)]])
-                raise NotFinite(
-                    f"model {model.name!r} (brush {brush.name!r}) gave a wish that is "
-                    f"not finite, for entity {entity} in tick {scene.tick}"
-                )
+                text = f"model {model.name!r} (brush {brush.name!r}) gave a wish that is not finite"
+                text += f", for entity {entity} in tick {scene.tick}"
+                raise PluginError([Problem(file_of(model.steer.__module__), None, None, text)])
         return wishes
 
 

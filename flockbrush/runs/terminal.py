@@ -304,16 +304,12 @@ def exit_code_of(error) -> int:
     from flockbrush.engine.problems import ProblemsError
     from flockbrush.engine.recording import RecordingError
 
-    steer = sys.modules.get(
-        "flockbrush.systems.steer"
-    )  # a model that breaks has been loaded; otherwise it would take a second
-    expected = (ProblemsError, RecordingError, CommandError) + ((steer.NotFinite,) if steer else ())
     if debugging():
         import traceback
 
         traceback.print_exception(error)
         return PROBLEM
-    if isinstance(error, expected) or type(error) is LookupError:
+    if isinstance(error, (ProblemsError, RecordingError, CommandError)) or type(error) is LookupError:
         say(str(error))
     elif isinstance(error, MemoryError):
         say("not enough memory; try fewer animals (--agents)")

@@ -471,4 +471,4 @@ def _ground_box(cmd, world):
 def _in_words(error):
     """What a failed tick says to people."""
     text = str(error) or "no reason given"
-    return text if isinstance(error, (ArithmeticError, PluginError)) else f"{type(error).__name__}: {text}"
+    return text if isinstance(error, PluginError) else f"{type(error).__name__}: {text}"

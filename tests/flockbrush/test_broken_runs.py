@@ -10,11 +10,10 @@ from flockbrush.behaviours.behaviour import Wishes
 from flockbrush.components import Position
 from flockbrush.engine.commands import CommandError, Commands, command
 from flockbrush.engine.plugins import PluginError, blaming
-from flockbrush.engine.problems import ProblemsError
+from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.engine.recording import open_recording, resume, state_hash
 from flockbrush.systems.animal_commands import AddAnimals
 from flockbrush.systems.commands import MoveObstacle, SwitchBrush
-from flockbrush.systems.steer import NotFinite
 
 import flockbrush
 from flockbrush.cli.level_commands import recorder_of, stepping
@@ -28,7 +27,11 @@ from flockbrush.runs.terminal import Interrupts, Stopped, exit_code_of
 
 
 @pytest.mark.parametrize(
-    "error", [CommandError(32, SwitchBrush("rnu"), "no brush 'rnu'"), NotFinite("model 'ill' gave no number")]
+    "error",
+    [
+        CommandError(32, SwitchBrush("rnu"), "no brush 'rnu'"),
+        PluginError([Problem("ill.py", None, None, "model 'ill' gave no number")]),
+    ],
 )
 def test_it_says_what_happened_in_one_line(error, capsys):
     assert exit_code_of(error) == 1
@@ -156,6 +159,18 @@ def test_what_others_registered_is_named_with_its_file_and_what_was_written_is_k
     assert (open_recording(run).last_tick, open_recording(run).truncated) == (3, False)
     assert exit_code_of(caught.value) == 1
     assert capsys.readouterr().err.strip() == str(caught.value)
+
+
+def test_a_number_that_is_none_ends_a_run_of_a_shipped_model_in_good_order(tmp_path, monkeypatch):
+    """What was recorded and exported before is kept, and the message names model, animal and tick."""
+    monkeypatch.setattr(stray, "__module__", "flockbrush.behaviours.models.herd")
+    run, table = tmp_path / "k.flock", tmp_path / "k.csv"
+    simulation = flockbrush.start("meadow", 1, 10, with_model(monkeypatch, stray))
+    words = r"models.herd\.py: model 'ill' \(brush 'graze'\) gave a wish that is not finite, for entity \d+ in tick 3$"
+    with pytest.raises(PluginError, match=words):
+        run_on(simulation, run, table)
+    assert table.read_text().splitlines()[-1].startswith("3,")
+    assert (open_recording(run).last_tick, open_recording(run).truncated) == (3, False)
 
 
 def test_an_exporter_of_others_is_named(tmp_path, monkeypatch):

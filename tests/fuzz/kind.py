@@ -7,9 +7,8 @@ import mutations as m
 from flockbrush.engine.commands import CommandError
 from flockbrush.engine.problems import ProblemsError
 from flockbrush.engine.recording import RecordingError
-from flockbrush.systems.steer import NotFinite
 
-TOLD = (ProblemsError, RecordingError, CommandError, NotFinite)
+TOLD = (ProblemsError, RecordingError, CommandError)
 SHIPPED = Path(__file__).parents[2]
 
 

@@ -4,8 +4,10 @@ import math
 import threading
 
 import pytest
+from flockbrush.engine.plugins import PluginError
+from flockbrush.engine.problems import Problem
 from flockbrush.systems.commands import AddAnimals
-from flockbrush.systems.steer import AskModels, NotFinite
+from flockbrush.systems.steer import AskModels
 from small_pasture import by_hand, pasture, straight_run, stroke, verified
 from window import Window
 
@@ -157,7 +159,8 @@ def test_an_error_in_a_tick_beside_is_a_notice_and_a_pause(session, monkeypatch)
 
     def ill(world, scene, palette, index, rows):
         if scene.tick == 2:
-            raise NotFinite("model 'herd' gave a wish that is not finite, for entity 1 in tick 2")
+            text = "gave a wish that is not finite, for entity 1 in tick 2"
+            raise PluginError([Problem("herd.py", None, None, text)])
         return ask(world, scene, palette, index, rows)
 
     monkeypatch.setattr(AskModels, "_ask", staticmethod(ill))
