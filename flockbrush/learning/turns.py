@@ -33,7 +33,7 @@ from flockbrush.learning.turn_kernels import TurnLaw, is_inside, room_kernel, sp
 FREEDOM = 4.0  # degrees of freedom of Student's t: the usual choice between robust and sharp
 FORCES = 9  # of the twelve numbers: without those of obstacles
 SMALLEST = 1e-7  # rad, of the spread of differences: below it all agree
-SPAN = 0.1  # s over which a turn is observed where frames are closer.  By trial: see docs/learning.md
+SPAN = 0.1  # s over which a turn is observed where frames are closer.  By trial: see docs/decisions-learning.md
 STILL = 1e-6  # rad
 ENOUGH, NEAR = 0.25, 4.0  # of the sightings, and BL: if fewer have all in sight in the picture, less must be there
 PAIRS = 1_500_000  # visible neighbours that are looked at in a step, at most; of more frames every second or third
