@@ -36,11 +36,11 @@ def track(
 class LiftWeights:
     """What a flight should be like, as `LiftWish` has it."""
 
-    smoothness: Annotated[float, option("--lambda-t", "Weight λ_t of smooth paths.", min=0)] = 1.0
-    flock: Annotated[float, option("--lambda-f", "Weight λ_f of alignment and cohesion.", min=0)] = 1.0
-    evenness: Annotated[float, option("Weight of a constant mean speed of the flock.", min=0)] = 1.0
+    smoothness: Annotated[float, option("--lambda-t", "W", "Weight λ_t of smooth paths.", min=0)] = 1.0
+    flock: Annotated[float, option("--lambda-f", "W", "Weight λ_f of alignment and cohesion.", min=0)] = 1.0
+    evenness: Annotated[float, option("W", "Weight of a constant mean speed of the flock.", min=0)] = 1.0
     separation: Annotated[
-        float, option("Weight of separation between birds; only for a better appearance.", min=0, max=1)
+        float, option("W", "Weight of separation between birds; only for a better appearance.", min=0, max=1)
     ] = 0.0
     separation_distance: Annotated[float, option("M", "Distance below which separation acts, m.", min=0)] = 1.2
 

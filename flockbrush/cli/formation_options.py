@@ -157,7 +157,7 @@ class FlightOptions:
         KeyShapes, option("Solver: levenberg-marquardt (the paper's) or proximal (always finds a solution).")
     ] = KeyShapes.proximal
     epsilon: Annotated[
-        float, option("Largest deviation of the savings from the range in the example.", min=0, max=1)
+        float, option("E", "Largest deviation of the savings from the range in the example.", min=0, max=1)
     ] = 0.1
     lateral: Annotated[
         bool, option("Lateral distances vary as in the example; with --no-lateral they are constant.")
