@@ -376,6 +376,7 @@ class BatteryRow:
     limit: float
     by_chance: float = np.nan  # values of as many independent animals
     boot: float = 0.0  # standard error of the clip's value, by the bootstrap
+    spreads_on: bool = False  # alone: alike only if the herd of the clip goes on spreading
 
     @property
     def far(self) -> float:

@@ -177,7 +177,8 @@ def after_long(battery: Battery, rows: list[BatteryRow], found: list[Series]) ->
         between = float(values.std(0, ddof=1).mean()) if len(values) > 1 else 0.0
         limit += min(DEVIATIONS * between / np.sqrt(len(values)), ANYWHERE * limit)
         off = float(np.abs(mean - np.clip(mean, value, most)).mean())
-        out.append(BatteryRow(row.name, float(value.mean()), float(values.mean()), off, limit))
+        spreads_on = bool(off <= limit < np.abs(mean - value).mean())
+        out.append(BatteryRow(row.name, float(value.mean()), float(values.mean()), off, limit, spreads_on=spreads_on))
     return out
 
 
@@ -296,7 +297,7 @@ def _joined_row(rows):
         for key in ("clip", "herd", "limit", "by_chance", "boot")
     }
     off = float(np.sqrt(np.mean([row.far**2 for row in rows]))) * values["limit"]
-    return BatteryRow(rows[0].name, off=off, **values)
+    return BatteryRow(rows[0].name, off=off, spreads_on=any(row.spreads_on for row in rows), **values)
 
 
 def _said(mine, rivals, told, seconds, count, source):
@@ -315,6 +316,9 @@ def _said(mine, rivals, told, seconds, count, source):
         if as_good:
             return "untold", f"{as_good[0]}, and it looks the same"
         lasts = f", and does so when left alone for {ALONE:g} s"
+        onward = [row.name for row in mine.lasting if row.spreads_on]
+        if onward:
+            lasts += f", in {listed(onward)} only if the herd of the {source} goes on spreading"
         if not mine.lasting:
             lasts = f"; a part of a herd cannot be left alone for {ALONE:g} s"
         return "like", f"It moves like the {source}: in {listed(told)}{lasts}."

@@ -102,8 +102,17 @@ def test_a_herd_that_spreads_in_the_clip_may_go_on_spreading(clip):
         series = replace(battery.series, growth=growth)
         ends = [replace(series, rows={**series.rows, "spread": series.rows["spread"] * times}) for times in (0.3, 2.6)]
         there = replace(battery, series=series, values=battery.values | {"growth": np.array([growth])})
-        grown.append([after_long(there, [row], [end])[0].met for end in ends])
-    assert grown == [[False, False], [False, True]]  # exp(.05 / s * 20 s) is 2.7
+        grown.append([after_long(there, [row], [end])[0] for end in ends])
+    assert [[row.met for row in rows] for rows in grown] == [
+        [False, False],
+        [False, True],
+    ]  # exp(.05 / s * 20 s) is 2.7
+    spread = grown[1][1]
+    assert spread.spreads_on and not grown[1][0].spreads_on
+    said = concluded(contender("x", 0.5, 0.5, 0.5, 0.9, lasting=[spread]), [contender(STILL, 4, 4, 4, 4)], 3.0, 30)
+    assert said.kind == "like" and said.sentence.endswith(
+        "left alone for 20 s, in spread only if the herd of the film goes on spreading."
+    )
 
 
 def test_what_runs_do_alike_is_no_difference(clip):
