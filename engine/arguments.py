@@ -83,11 +83,22 @@ def whole(name: str, value) -> int:
 
 def _check(name, value, hint, meant=None):
     if not _fits(value, hint):
-        shown = repr(value)
-        shown = shown if len(shown) < 200 else shown[:190] + "..."
-        raise TypeError(f"{name} must be {meant or _words(hint)}, got {shown}")
-    if isinstance(value, Real) and not isinstance(value, Integral) and not math.isfinite(value):
-        raise ValueError(f"{name} must be a finite number, got {value}")
+        raise TypeError(f"{name} must be {meant or _words(hint)}, got {_shown(value)}")
+    is_whole = isinstance(value, Integral) and int in (hint, *typing.get_args(hint))
+    if isinstance(value, Real) and not is_whole and not _is_finite(value):
+        raise ValueError(f"{name} must be a finite number, got {_shown(value)}")
+
+
+def _is_finite(value) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond all floats
+        return False
+
+
+def _shown(value) -> str:
+    text = repr(value) if not isinstance(value, np.floating) else str(value)
+    return text if len(text) < 200 else text[:190] + "..."
 
 
 def _fits(value, hint) -> bool:

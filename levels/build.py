@@ -16,6 +16,7 @@ from flockbrush.behaviours.program import known_brushes
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.components import AGENT
 from flockbrush.components.level_things import ENUMS
+from flockbrush.engine import limits
 from flockbrush.engine.arguments import checked
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import Commands, from_record, tick_at
@@ -454,8 +455,10 @@ def herds_apart(
     if start not in ENUMS["Formation"]:
         raise ValueError(f"start must be one of {', '.join(ENUMS['Formation'])}, got {start!r}")
     length = brushes[0].body.length if body_length is None else body_length
-    if not (count >= 0 and 0 < density < math.inf and 0 < length < math.inf):
-        raise ValueError(f"count must be at least 0, density and body_length above 0: {count}, {density}, {length}")
+    if not 0 <= count <= limits.ANIMALS:
+        raise ValueError(f"count must be 0 to {int(limits.ANIMALS)}, got {count}")
+    if not (0 < density < math.inf and 0 < length < math.inf):
+        raise ValueError(f"density and body_length must be above 0: {density:g}, {length:g}")
     side = math.sqrt(count / density) * length
     size = max(3 * side + 20 * length, apart)
     low, high = 0.5 * (size - side), 0.5 * (size + side)
