@@ -119,7 +119,10 @@ def _parsed(path, rows, where, more):
 
 def _long_table(path, header, where, columns, names, animal, lines, degrees=False):
     """The table of rows of named animals, from any kind of file; ``lines`` says where they are."""
+    named = _unit_of_name(header[where["x"]])
     about = beside(path)
+    if named and about.get("unit", named) != named:  # of an earlier table with this name
+        about = {}
     notes = [WRAPPED] if about.get("boundary") == "wrap" else []
     x, y = columns["x"], columns["y"]
     nameless = np.array([not name for name in names])[animal]
@@ -139,7 +142,7 @@ def _long_table(path, header, where, columns, names, animal, lines, degrees=Fals
         x, y = metres(path, x, y, valid)
         unit = "m"
     else:
-        unit = unit or ("m" if set(header) >= OURS or set(header) >= FLOWN else _unit_of_name(header[where["x"]]))
+        unit = unit or ("m" if set(header) >= OURS or set(header) >= FLOWN else named)
     fps = about.get("fps") if isinstance(about.get("fps"), int | float) else None
     if where["frame"] is not None:
         frames = whole_frames(path, columns["frame"][valid])
