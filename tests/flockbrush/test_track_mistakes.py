@@ -240,3 +240,12 @@ def test_rounded_times_of_even_frames_are_even(decimals):
     assert unevenness(even, rounding(even)) == ""
     uneven = np.concatenate([np.arange(20) / 30, 20 / 30 + np.arange(40) / 10]).round(max(decimals, 2))
     assert "0.1 s apart" in unevenness(uneven, rounding(uneven)) and "fps=10 " in evened(uneven)
+
+
+def test_what_lies_beside_a_table_of_another_unit_is_of_an_earlier_one(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("frame,id,x_px,y_px\n" + "".join(f"{t},1,{t},{2 * t}\n" for t in range(9)))
+    for unit, fps in (("m", None), ("px", 50.0)):
+        (tmp_path / "a.csv.json").write_text(f'{{"schema": "flockbrush.trajectory/1", "fps": 50, "unit": "{unit}"}}')
+        found = read_trajectories(path, fps=fps or 25.0)
+        assert (found.unit, found.fps) == ("px", fps or 25.0)

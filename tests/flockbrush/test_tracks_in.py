@@ -133,14 +133,6 @@ def test_another_unit_than_that_of_the_file_is_refused(tmp_path):
         read_trajectories(path, "px")
 
 
-def test_what_lies_beside_a_table_of_another_unit_is_of_an_earlier_one(tmp_path):
-    path = written(tmp_path / "a.csv", "frame,id,x_px,y_px", [(t, 1, t, 2 * t) for t in range(9)])
-    for unit, fps in (("m", None), ("px", 50.0)):
-        (tmp_path / "a.csv.json").write_text(f'{{"schema": "flockbrush.trajectory/1", "fps": 50, "unit": "{unit}"}}')
-        found = read_trajectories(path, fps=fps or 25.0)
-        assert (found.unit, found.fps) == ("px", fps or 25.0)
-
-
 def test_spots_of_trackmate_are_read_below_their_four_headers(tmp_path):
     path = tmp_path / "spots.csv"
     head = "LABEL,ID,TRACK_ID,POSITION_X,POSITION_Y,FRAME\nLabel,Spot ID,Track ID,X,Y,Frame\n"
