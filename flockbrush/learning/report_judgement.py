@@ -46,11 +46,10 @@ def add_judgement(page, judgement):
     page.head("Measures and their limits")
     page.say(
         "The verdict is based on these measures. The limit of a measure combines the uncertainty of the clip "
-        "(bootstrap "
-        "over its samples), the scatter between simulations and the smallest difference that counts. The first "
-        "third of "
-        "the time is left out, because it depends on the start. By chance: the value of as many animals that do not "
-        "interact. A measure is conclusive if at least one of the other herds misses it."
+        "(bootstrap over its samples), the scatter between simulations and the smallest difference that counts. The "
+        "first third of the time is left out, because it depends on the start, and distances, speeds and turning are "
+        "means of quantiles: so some values differ from those of the comparison. By chance: the value of as many "
+        "animals that do not interact. A measure is conclusive if at least one of the other herds misses it."
     )
     colours = {"met": "good", "missed": "bad", "persists": "good", "does not persist": "bad", "inconclusive": "quiet"}
     rows = [[(cell, colours[cell]) if cell in colours else cell for cell in row] for row in judged_rows(judgement)]
