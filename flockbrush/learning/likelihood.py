@@ -11,15 +11,16 @@ one is fitted by simulation (`flockbrush.learning.model_fit`).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
+from functools import cache, partial, update_wrapper
 from typing import Any
 
 import numpy as np
 
 from flockbrush.behaviours.behaviour import Behaviour, Parameters, behaviours
 from flockbrush.behaviours.brush import VisionSpec
-from flockbrush.engine.plugins import load_entry_points, load_modules
+from flockbrush.engine.plugins import PluginError, blaming, file_of, load_entry_points, load_modules
+from flockbrush.engine.problems import Problem, did_you_mean
 from flockbrush.learning.evolution import Evolution
 from flockbrush.learning.next_step import NextSteps, mean_score
 from flockbrush.learning.normal_equations import normal_equations
@@ -63,19 +64,45 @@ class Likelihood:
 
     @property
     def behaviour(self) -> Behaviour:
-        """The model."""
-        return behaviours()[self.model]
+        """The model; `PluginError` where there is none, or it lacks a parameter of `numbers`."""
+        model = behaviours().get(self.model)
+        if model is None:
+            raise self._problem(f"there is no model {self.model!r}{did_you_mean(self.model, behaviours())}")
+        for name in (*self.numbers, *self.untold, *self.by_walls):
+            if name not in model.Params.model_fields:
+                known = did_you_mean(name, model.Params.model_fields)
+                raise self._problem(f"model {self.model!r} has no parameter {name!r}{known}")
+        return model
+
+    def _problem(self, text):
+        return PluginError([Problem(file_of(self.fit.__module__), None, None, f"likelihood {self.name!r}: {text}")])
 
 
 _registry: dict[str, Likelihood] = {}
 
 
 def register(likelihood: Likelihood) -> Likelihood:
-    """Make a likelihood known; ValueError when its name is taken."""
+    """Make a likelihood known, so that what its functions raise is told of it; ValueError when its name is taken."""
     if likelihood.name in _registry:
         raise ValueError(f"there is a likelihood {likelihood.name!r} already")
-    _registry[likelihood.name] = likelihood
-    return likelihood
+    prior = likelihood.prior and partial(_expected, likelihood)
+    told = replace(likelihood, fit=update_wrapper(partial(_fitted, likelihood), likelihood.fit), prior=prior)
+    _registry[likelihood.name] = told
+    return told
+
+
+def _fitted(likelihood, turns, vision, seed, begin):
+    with blaming("likelihood", likelihood.name, likelihood.fit.__module__):
+        params, wanted = likelihood.fit(turns, vision, seed, begin), likelihood.behaviour.Params
+        if not isinstance(params, wanted):
+            must = f"must return {wanted.__name__} of model {likelihood.model!r}"
+            raise TypeError(f"likelihood {likelihood.name!r} {must}, got {type(params).__name__}")
+        return params
+
+
+def _expected(likelihood, values):
+    with blaming("likelihood", likelihood.name, likelihood.fit.__module__):
+        return likelihood.prior(values)
 
 
 @cache
