@@ -277,7 +277,7 @@ def test_a_measure_is_one_function(monkeypatch):
     from flockbrush.studies.experiments import experiments
 
     assert meaning_of("width") == "Extent from west to east, m"
-    assert experiments()["level"].units["mean width"] == "m"
+    assert experiments()["level"]().units["mean width"] == "m"
     other = types.FunctionType(width.__code__, {"__name__": "elsewhere"})
     other.__module__ = "elsewhere"
     with pytest.raises(ValueError, match="measure 'width' is already in"):

@@ -1,8 +1,8 @@
 """The experiments of sweeps: runs of levels, and flocks that fly by the V rules.
 
-An experiment is a class with a name; third parties register theirs under the entry point group
-``flockbrush.experiments``.  `Experiment.run` happens in another process, perhaps on another machine: it gets plain
-numbers and the bytes of files, and nothing else.
+An experiment is a class that registers itself (`experiment`); third parties name the module that has theirs under the
+entry point group ``flockbrush.experiments``.  `Experiment.run` happens in another process, perhaps on another machine:
+it gets plain numbers and the bytes of files, and nothing else.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from flockbrush.behaviours.brush import load_brush, shipped
 from flockbrush.behaviours.v_rules.flights import fly, starts
 from flockbrush.behaviours.v_rules.indicators import CLUTTERED, GROUPS, OTHER, SHAPES, indicators
 from flockbrush.behaviours.validation import validated
-from flockbrush.engine.plugins import load_entry_points
+from flockbrush.engine.plugins import blaming, load_entry_points
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.levels.build import DT, plane
 from flockbrush.levels.libraries import put_brush
@@ -60,6 +60,10 @@ class Experiment:
     settings: ClassVar[type[Parameters] | None] = None  # what a sweep may set, with units
     drawn: ClassVar[tuple[str, ...]] = ()  # names of the files of `pictures`
 
+    def blaming(self):
+        """A context in which errors are told of this experiment (`flockbrush.engine.plugins.blaming`)."""
+        return blaming("experiment", self.name, type(self).__module__, (Mistakes,))
+
     def unit_of(self, parameter: str) -> str:
         """Unit of a parameter, "" where there is none."""
         field = self.settings.model_fields.get(parameter) if self.settings else None
@@ -82,12 +86,34 @@ class Experiment:
         return []
 
 
+_registry: dict[str, type[Experiment]] = {}
+
+
+def experiment(kind: type[Experiment]) -> type[Experiment]:
+    """Register a class of `Experiment`; ValueError where it has no name, or that of another one.
+
+    In a script or notebook (module ``__main__``) a new class replaces the old one of its name.
+    """
+    if not (isinstance(kind, type) and issubclass(kind, Experiment) and isinstance(getattr(kind, "name", None), str)):
+        raise ValueError(f"an experiment must be a class of Experiment with a name, got {kind!r}")
+    known = _registry.get(kind.name, kind)
+    if (known.__module__, known.__name__) != (kind.__module__, kind.__name__):
+        raise ValueError(f"experiment {kind.name!r} is already in {known.__module__}")
+    _registry[kind.name] = kind
+    return kind
+
+
 @cache
-def experiments() -> dict[str, Experiment]:
-    """All experiments by name."""
-    known: list[Experiment] = [LevelRuns(), VRules()]
-    known += [kind() for kind in load_entry_points("flockbrush.experiments")]
-    return {experiment.name: experiment for experiment in known}
+def _load_experiments_of_others():
+    for found in load_entry_points("flockbrush.experiments"):
+        if isinstance(found, type):  # an entry point may be the class itself
+            experiment(found)
+
+
+def experiments() -> dict[str, type[Experiment]]:
+    """All experiments by name, ours first."""
+    _load_experiments_of_others()
+    return dict(_registry)
 
 
 # levels ----------------------------------------------------------------------------------
@@ -120,6 +146,7 @@ class LevelParameters(Parameters):
         return self
 
 
+@experiment
 class LevelRuns(Experiment):
     """Runs a level and takes the measures of its last tick."""
 
@@ -259,6 +286,7 @@ def _mean(values):
 # V rules ----------------------------------------------------------------------------------
 
 
+@experiment
 class VRules(Experiment):
     """Flocks of Nathan & Barbosa 2008 without a world, many to a job."""
 
@@ -351,10 +379,18 @@ def perform(name: str, parameters: dict, files: dict[str, bytes], seeds: tuple[i
 
     A run that fails takes nobody with it: when a batch fails, its runs are tried one by one.
     """
-    experiment = experiments()[name]
+    kind = experiments().get(name)
+    if kind is None:
+        return [(seed, None, _lacks(f"experiment {name!r}", "experiments"), 0.0) for seed in seeds]
     begin = time.process_time()
     try:
-        rows = experiment.run(parameters, files, seeds)
+        made = kind()
+        with made.blaming():
+            rows = [_row_of(name, row) for row in made.run(parameters, files, seeds)]
+            if len(rows) != len(seeds):
+                raise TypeError(
+                    f"experiment {name!r} must return a row for each of {len(seeds)} seeds, got {len(rows)}"
+                )
     except Exception as error:  # noqa: BLE001  whatever a run raises is told in its row
         if len(seeds) > 1:
             return [entry for seed in seeds for entry in perform(name, parameters, files, (seed,), wanted)]
@@ -363,15 +399,30 @@ def perform(name: str, parameters: dict, files: dict[str, bytes], seeds: tuple[i
     return [(seed, *_wanted_of(row, wanted), each) for seed, row in zip(seeds, rows, strict=True)]
 
 
+def _row_of(name, row):
+    """A row of an experiment as a journal can keep it."""
+    if not isinstance(row, dict):
+        raise TypeError(f"experiment {name!r} must return rows that are dicts, got {type(row).__name__}")
+    row = {key: value.item() if isinstance(value, np.generic) else value for key, value in row.items()}
+    for key, value in row.items():
+        if value is not None and not isinstance(value, (bool, int, float, str)):
+            raise TypeError(f"experiment {name!r}: {key} must be a number, a text or None, got {type(value).__name__}")
+    return row
+
+
 def _wanted_of(row, wanted):
     """(the measures of a row that a sweep asks for, None), or (None, what went wrong)."""
     missing = [measure for measure in wanted if measure not in row]
     if not missing:
         return {measure: row[measure] for measure in wanted}, None
-    where = "in an installed package (entry point group flockbrush.measures)"
+    return None, _lacks(f"measure {', '.join(map(repr, missing))}", "measures")
+
+
+def _lacks(what, group):
+    """What is said where a worker does not know what its program has registered."""
+    where = f"in an installed package (entry point group flockbrush.{group})"
     script = "at the top of the script, outside `if __name__ == ...`"
-    names = ", ".join(map(repr, missing))
-    return None, f"this worker has no measure {names}; register it where workers do, too: {where} or {script}"
+    return f"this worker has no {what}; register it where workers do, too: {where} or {script}"
 
 
 def _in_words(error):

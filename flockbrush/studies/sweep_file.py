@@ -36,7 +36,7 @@ from flockbrush.behaviours.tomlfile import Key, TomlFile, parse_toml, read_bytes
 from flockbrush.behaviours.validation import shown, validated
 from flockbrush.engine import limits
 from flockbrush.engine.problems import ProblemsError, did_you_mean
-from flockbrush.studies.experiments import Experiment, Mistakes, experiments
+from flockbrush.studies.experiments import Experiment, Mistakes, Ready, experiments
 
 SCHEMA = "flockbrush.sweep/1"
 SUFFIX = ".sweep.toml"
@@ -166,7 +166,8 @@ def rehearse(path):
     """Read a sweep and begin a small run of its first scenario, for whoever looks which kernels it calls."""
     sweep = read_sweep(path)
     first = sweep.scenarios[0]
-    sweep.experiment.rehearse(first.parameters, first.files)
+    with sweep.experiment.blaming():
+        sweep.experiment.rehearse(first.parameters, first.files)
 
 
 def parse_sweep(data: bytes, name: str, folder=Path()) -> Sweep:
@@ -185,7 +186,7 @@ def parse_sweep(data: bytes, name: str, folder=Path()) -> Sweep:
         )
     if problems or document is None:
         raise ProblemsError(_in_order(problems))
-    experiment = type(experiments()[document.experiment])()
+    experiment = experiments()[document.experiment]()
     scenarios = _scenarios(toml, tables, experiment, Path(folder), document.measures)
     sweep = Sweep(
         Path(name).name.removesuffix(SUFFIX), document.title, experiment, scenarios, document.seeds.all,
@@ -273,7 +274,7 @@ def _scenarios(toml, tables, experiment, folder, measures):
             if case:
                 varied = {"case": case["title"][1]} | varied
             try:
-                ready = experiment.ready(parameters, folder)
+                ready = _ready(experiment, parameters, folder)
             except Mistakes as error:
                 for name, message in error.found:
                     path = paths.get(name) or paths.get(name.split(".")[0]) or ("fixed",)
@@ -287,10 +288,20 @@ def _scenarios(toml, tables, experiment, folder, measures):
                 for name in unknown
             ]
             measured = tuple(measures or ready.measures)
-            scenarios.append(Scenario(_hash(experiment.name, ready), varied, ready.parameters, ready.files, measured))
+            with experiment.blaming():
+                hashed = _hash(experiment.name, ready)
+            scenarios.append(Scenario(hashed, varied, ready.parameters, ready.files, measured))
     if problems:
         raise ProblemsError(_in_order(problems))
     return tuple(scenarios)
+
+
+def _ready(experiment, parameters, folder):
+    with experiment.blaming():
+        ready = experiment.ready(parameters, folder)
+        if not isinstance(ready, Ready):
+            raise TypeError(f"experiment {experiment.name!r}: ready must return Ready, got {type(ready).__name__}")
+        return ready
 
 
 def _element(toml, path, value):

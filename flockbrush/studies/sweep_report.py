@@ -274,7 +274,8 @@ def write_files(sweep: Sweep, journal: Journal, summary, folder, theme="light") 
         written.append(folder / "means.png")
         note = "\n".join(filter(None, [NOTE, left_out]))
         write_figure(written[-1], figure_of(panels, sweep.title or sweep.name, note, theme=theme))
-    return written + sweep.experiment.pictures(sweep, rows, folder, theme)
+    with sweep.experiment.blaming():
+        return written + sweep.experiment.pictures(sweep, rows, folder, theme)
 
 
 def _for_csv(value):

@@ -151,7 +151,7 @@ def test_a_run_that_kills_its_worker_every_time_fails_alone():
 
 
 def test_a_run_that_raises_fails_alone(tmp_path, monkeypatch):
-    kind = experiments()["v_rules"]
+    kind = experiments()["v_rules"]()
     run = type(kind).run
 
     def sometimes(self, parameters, files, seeds):

@@ -82,7 +82,7 @@ def test_an_address_that_is_none_is_told_at_once(cli, tmp_path, address):
 def test_panels_of_a_sweep_name_units_of_parameters_and_measures():
     sweep = SimpleNamespace(
         varied={"birds": [5, 15, 25], "angle": [90.0, 170.0]}, measures=["distance"],
-        plot=SimpleNamespace(across=None, lines=None, measures=None), experiment=experiments()["v_rules"],
+        plot=SimpleNamespace(across=None, lines=None, measures=None), experiment=experiments()["v_rules"](),
     )  # fmt: skip
     found = [
         {"parameters": {"birds": birds, "angle": angle}, "means": {"distance": {"mean": 1.0, "error": 0.1}}}
@@ -101,7 +101,7 @@ def test_panels_of_a_sweep_name_units_of_parameters_and_measures():
 def test_a_plot_says_which_scenarios_it_has_no_room_for():
     varied = {"birds": [3, 5], "angle": [float(angle) for angle in range(160, 170)], "steps": [100, 200]}
     sweep = SimpleNamespace(
-        varied=varied, measures=["distance"], experiment=experiments()["v_rules"],
+        varied=varied, measures=["distance"], experiment=experiments()["v_rules"](),
         plot=SimpleNamespace(across="birds", lines="angle", measures=None),
     )  # fmt: skip
     found = [

@@ -33,7 +33,7 @@ def test_the_command_writes_rows_summary_and_plots(cli, tmp_path):
     assert found["scenarios"][0]["means"]["leads"]["mean"] == pytest.approx(1.0, abs=0.5)
     assert [line["kept"] for line in found["expected"]] == [True, True]
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["schema"] == "flockbrush.runs/1"
-    known = {*RESULTS, *experiments()["v_rules"].drawn}  # files that the sweep may not replace if they are of others
+    known = {*RESULTS, *experiments()["v_rules"]().drawn}  # files that the sweep may not replace if they are of others
     assert {Path(file).name for file in found["files"]} <= known
     rows = rows_without_times(tmp_path / "out")
     assert len(rows) == 24
