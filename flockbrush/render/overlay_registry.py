@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
-from flockbrush.engine.plugins import blaming, load_entry_points, load_modules
+from flockbrush.engine.plugins import PluginError, blaming, load_entry_points, load_modules
 from flockbrush.render import own_overlays
 from flockbrush.render.canvas import Canvas
 
@@ -25,11 +25,17 @@ class Overlay:
     looks_at_world: bool = False  # and not only at the moment and the ground: while it is drawn no tick may run
     draw: Callable[[OverlayView], None] | None = None  # of those registered with `overlay`
 
-    def drawn(self, view: OverlayView):
-        """Draw it, if it was registered with `overlay`."""
-        if self.draw is not None:
+    def drawn(self, view: OverlayView, failed: Callable[[str, PluginError], None] | None = None):
+        """Draw it, if it was registered with `overlay`; ``failed(name, error)`` hears of what others do wrong."""
+        if self.draw is None:
+            return
+        try:
             with blaming("overlay", self.name, self.draw.__module__):
                 self.draw(view)
+        except PluginError as error:
+            if failed is None:
+                raise
+            failed(self.name, error)
 
 
 class OverlayView(NamedTuple):

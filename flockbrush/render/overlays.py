@@ -59,11 +59,13 @@ class Overlays:
         Pixels of a hairline.
     explanations : ExplanationCache, optional
         What other overlays of the same world were told.
+    failed : callable, optional
+        ``failed(name, error)`` is told which overlay of others raises a `PluginError`; without it that is raised.
     """
 
-    def __init__(self, scenery, theme="light", unit=1.0, explanations=None):
+    def __init__(self, scenery, theme="light", unit=1.0, explanations=None, failed=None):
         load_overlays()
-        self.scenery, self.theme, self.unit = scenery, theme_of(theme), unit
+        self.scenery, self.theme, self.unit, self.failed = scenery, theme_of(theme), unit, failed
         self._layers: dict[str, tuple] = {}
         self._counted = (None, None, None)
         self.explanations = explanations or ExplanationCache(scenery.simulation)
@@ -92,8 +94,7 @@ class Overlays:
 
     def over(self, frame, camera, shown, moment, selected=None):
         """Draw those that lie above the animals of a moment; `selected` is an entity or None."""
-        row = self._row(moment, selected)
-        at = camera.pixels(moment.xyz)
+        row, at = self._row(moment, selected), camera.pixels(moment.xyz)
         if "links" in shown:
             self._links(frame, camera, moment, at, row)
         if "leaders" in shown:
@@ -106,8 +107,10 @@ class Overlays:
         """Those of others, in the order in which they were registered."""
         for name, known in OVERLAYS.items():
             if name in shown and known.below == below:
-                canvas = Canvas(frame, camera.view)
-                known.drawn(OverlayView(canvas, camera, moment, self.world, self.theme, selected, self.unit))
+                view = OverlayView(
+                    Canvas(frame, camera.view), camera, moment, self.world, self.theme, selected, self.unit
+                )
+                known.drawn(view, self.failed)
 
     def _row(self, moment, selected):
         if selected is None or not len(moment):
@@ -408,8 +411,7 @@ class Overlays:
         self._note_leaders(frame, camera, moment)
 
     def _note_leaders(self, frame, camera, moment):
-        canvas, u = Canvas(frame, camera.view), self.unit
-        count = int(moment.leader.sum())
+        count, canvas, u = int(moment.leader.sum()), Canvas(frame, camera.view), self.unit
         text = f"{count:,} leader{'' if count == 1 else 's'} of {len(moment):,}"
         at = (camera.view[2] - 14 * u, camera.view[3] - 22 * u)
         canvas.words(text, at, round(13 * u), self.theme.ink, anchor=(1, 0.5), halo=self.theme.paper)
@@ -477,15 +479,13 @@ class Overlays:
 
     def _depth(self, moment, row, reach):
         """How far the animal sees in every direction, m."""
-        agents, land = self.world.agents, self.world.resource(Landscape)
+        agents, land, size = self.world.agents, self.world.resource(Landscape), moment.length
         offset = moment.xyz[:, :2] - moment.xyz[row, :2]
         if land.wrap is not None:
             offset = offset - np.round(offset / land.wrap) * land.wrap
-        size = moment.length
         near = (np.abs(offset) < (reach + size)[:, None]).all(axis=1)
         near[row] = False
-        palette = catalogue_of(self.world, labels=()).palette
-        if bool(palette.sees_through[moment.brush].all()):
+        if catalogue_of(self.world, labels=()).palette.sees_through[moment.brush].all():
             near[:] = False
         axis = np.where(near, 0.5 * size - moment.radius, 0.0)
         if len(agents) == len(moment):

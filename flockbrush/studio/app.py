@@ -337,3 +337,8 @@ class App(ActiveTool, AppActions, CanvasEvents, Window):
             with contextlib.suppress(ValueError):
                 setattr(self.settings, name, value)
         self.settings.save()
+
+    def overlay_failed(self, name, error):
+        """Switch off an overlay of others that cannot be drawn, and say why; the View panel can show it again."""
+        self.overlays.discard(name)
+        self.notify(f"{error}; this overlay is switched off", "error")

@@ -83,7 +83,7 @@ class Viewport:
         camera = self.camera
         if camera is None or self._following_fit:
             camera = home
-        self.painter, self._overlays = painter_of(simulation, size, app.theme)
+        self.painter, self._overlays = painter_of(simulation, size, app.theme, app.overlay_failed)
         self.home = home
         self.look(ViewCamera(camera.centre, camera.scale, size, (0, 0, *size)))
         self.painter.refine(FIRST)
@@ -91,10 +91,11 @@ class Viewport:
     def _prepare_space(self, simulation, size):
         scenery = Scenery(simulation)
         self.painter = SpacePainter(scenery, size, self.app.theme, words=False, live=True)
-        self._overlays = Overlays(scenery, self.app.theme)
+        theme, failed = self.app.theme, self.app.overlay_failed
+        self._overlays = Overlays(scenery, theme, failed=failed)
         explanations = self._overlays.explanations
         self._flat = defaultdict(
-            lambda: Overlays(scenery, self.app.theme, explanations=explanations)
+            lambda: Overlays(scenery, theme, 1.0, explanations, failed)
         )  # each picture has its own
         self.home = self.painter.home
         self.painter.refine(FIRST)
@@ -331,8 +332,8 @@ class Viewport:
             overlays.over(picture, camera, shown, self._moment, self.app.selected)
 
 
-def painter_of(simulation, size, theme):
+def painter_of(simulation, size, theme, failed=None):
     """(painter, overlays) for a running simulation."""
     scenery = Scenery(simulation)
     painter = Painter(scenery, size, theme, words=False, labels=True, live=True)
-    return painter, Overlays(scenery, theme)
+    return painter, Overlays(scenery, theme, failed=failed)
