@@ -54,6 +54,15 @@ def name_in(toml: TomlFile, suffix: str) -> tuple[str, list[Problem]]:
     return "unnamed", [Problem(toml.name, None, None, message)]
 
 
+def _folders(folders):
+    """Folders as paths; TypeError for anything else than several of them."""
+    many = isinstance(folders, Iterable) and not isinstance(folders, (str, bytes, Mapping))
+    folders = list(folders) if many else folders
+    if not many or not all(isinstance(folder, (str, os.PathLike)) for folder in folders):
+        raise TypeError(f"folders must be a list of folders, such as ['brushes'], got {folders!r}"[:300])
+    return [Path(folder) for folder in folders]
+
+
 class FileLibrary:
     """Files ``NAME + suffix`` in some folders; the first folder that has a name wins.
 
@@ -70,7 +79,7 @@ class FileLibrary:
     suffix: ClassVar[str]
 
     def __init__(self, folders: Iterable[str | os.PathLike] = (), files: Mapping[str, bytes] | None = None):
-        self.folders = [Path(folder) for folder in folders]
+        self.folders = _folders(folders)
         self._files = {name.replace("\\", "/").rsplit("/", 1)[-1]: data for name, data in (files or {}).items()}
 
     def __repr__(self):

@@ -8,7 +8,7 @@ import math
 import os
 import types
 import typing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Integral, Real
 from operator import index
 
@@ -111,6 +111,8 @@ def _fits(value, hint) -> bool:
         return isinstance(value, Real) and not isinstance(value, bool)
     if kind in (Sequence, tuple):
         return isinstance(value, Sequence) and not isinstance(value, str) and all(_fits(v, parts[0]) for v in value)
+    if getattr(kind, "_is_protocol", False) and isinstance(value, (Mapping, type)):
+        return False  # a dict has the method get of a library, and a class the methods of its objects
     return not isinstance(kind, type) or kind in (bool, typing.Any) or isinstance(value, kind)
 
 

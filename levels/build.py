@@ -240,7 +240,7 @@ def build(
 
 def _palette(level, library):
     """The brushes of a level, and those between two that its paint of part weight gives."""
-    brushes, over, paths = [library.get(name) for name in brushes_used(level)], mixed_brushes(level), {}
+    brushes, over, paths = [_brush_of(library, name) for name in brushes_used(level)], mixed_brushes(level), {}
     level.paths = {}
     for start, end in itertools.product(brushes, over):
         path = path_between(library, start.name, end) if start.name != end else None
@@ -252,6 +252,13 @@ def _palette(level, library):
         return Palette(brushes, over, paths)
     except ValueError as error:  # a model refuses the numbers between two brushes
         raise ProblemsError([Problem(str(level.path), None, None, f"paint of part weight: {error}")]) from None
+
+
+def _brush_of(library, name):
+    brush = library.get(name)
+    if not isinstance(brush, Brush):
+        raise TypeError(f"library must be a BrushLibrary; its get({name!r}) gave {brush!r}")
+    return brush
 
 
 def brushes_used(level):

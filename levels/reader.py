@@ -48,7 +48,7 @@ from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.levels.tileset_reader import TilesetReader
 
 
-@checked()
+@checked(library="a BrushLibrary")
 def read_level(path: str | os.PathLike, library: BrushSource | None = None, commands=None) -> Level:
     """The level in a TMJ file.
 

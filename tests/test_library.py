@@ -222,6 +222,7 @@ WRONG = [
     ("save_brush", ("a.brush.toml", MARCH), {}, "brush must be a Brush, such as .*, got 'a.brush.toml'"),
     ("load_brush", (3,), {}, "source must be a string or a path or bytes, got 3"),
     ("read_level", (3,), {}, "path must be a string or a path, got 3"),
+    ("read_level", ("a.tmj", {"march": MARCH}), {}, "library must be a BrushLibrary, got .*"),
     ("open_recording", (3,), {}, "path must be a string or a path, got 3"),
     ("learn", (3,), {}, "tracks must be a file of tracks or a film, an array, or a sequence of these, got 3"),
     ("learn", (["a.csv"],), {"fps": "10"}, "fps must be a number, got '10'"),
@@ -252,6 +253,31 @@ def test_arguments_of_a_simulation_are_told_with_their_names(tmp_path):
     ):
         with pytest.raises((TypeError, ValueError), match=words):
             call()
+
+
+class EmptyShelf:
+    def get(self, name):
+        return None
+
+
+@pytest.mark.parametrize(
+    ("library", "words"),
+    [
+        ({"march": MARCH}, r"library must be a BrushLibrary, got \{'march': <Brush march .*"),
+        (flockbrush.BrushLibrary, "library must be a BrushLibrary, got <class .*"),
+        (EmptyShelf(), r"library must be a BrushLibrary; its get\('.*'\) gave None"),
+    ],
+)
+def test_what_is_no_library_of_brushes_is_refused_by_name(library, words):
+    meadow = flockbrush.start("meadow", agents=2)
+    with pytest.raises(TypeError, match=f"^{words}$"):
+        flockbrush.build(meadow.level, library=library)
+
+
+@pytest.mark.parametrize("folders", ["brushes", MARCH, [MARCH], {"march": MARCH}])
+def test_a_library_is_made_of_folders(folders):
+    with pytest.raises(TypeError, match=r"^folders must be a list of folders, such as \['brushes'\], got "):
+        flockbrush.BrushLibrary(folders)
 
 
 def test_a_herd_too_dense_for_a_plane_is_told_by_the_density():
