@@ -68,6 +68,11 @@ def share_guided():
     return quantity(0.1, "1", "share of animals that follow a guide if `guided` is share", 0, 1)
 
 
+def no_ground(name: str) -> np.ndarray:
+    """What a scene without ground, such as that of animals in a film, says of a property of the ground."""
+    raise ValueError(f"there is no {name!r} of the ground here: only levels have ground")
+
+
 class Scene(NamedTuple):
     """What a model sees: frozen columns of all n animals and what each of them perceives.
 
@@ -107,6 +112,7 @@ class Scene(NamedTuple):
     # m, size of a map that goes on at the opposite border, where places are apart as `flockbrush.engine.seam` says;
     # (0, 0) of another
     wrap: tuple[float, float] = (0.0, 0.0)
+    ground: Callable[[str], np.ndarray] = no_ground  # (n,) a property of the ground under each animal, by its name
 
     @property
     def animals(self) -> Animals:

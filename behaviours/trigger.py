@@ -111,6 +111,9 @@ class Senses(Protocol):
     def height(self) -> np.ndarray:
         """(n,) m above the ground."""
 
+    def ground(self, name: str) -> np.ndarray:
+        """(n,) a property of the ground under each animal (`flockbrush.levels.terrain_kinds.terrain_property`)."""
+
     def last(self, memory: Condition, rows: np.ndarray) -> np.ndarray:
         """(k,) tick in which what the condition remembers last held; two ticks before the first where it never did."""
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from flockbrush.components.level_things import ENUMS, Exit, Goal, Guide, Obstacle, as_before
+from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.seam import wrap_of
 from flockbrush.engine.solids import Solids
 from flockbrush.systems.binding import Sheets
@@ -266,12 +267,11 @@ class Landscape:
         return by_kind if native is None else np.where(ground == NATIVE, getattr(self.native, native)[iy, ix], by_kind)
 
     def ground_at(self, name, xyz):
-        """(n,) a property of the ground under places (n, 2 or 3) m; off the map that of the nearest cell.
-
-        Of those beyond `OF_BARE`: these have rasters of their own.
-        """
+        """(n,) a property of the ground, none of `OF_BARE`, under places (n, 2 or 3) m; that of the nearest cell."""
         if name in OF_BARE:
             raise ValueError(f"{name} is in the rasters of the landscape: walkable, blind, cost and surface")
+        if name not in self.of_bare:
+            raise ValueError(f"{name!r} is no property of the ground{did_you_mean(name, self.of_bare)}")
         (ny, nx), cells = self.brush.shape, np.asarray(xyz)[:, :2] / self.cell
         ix, iy = np.clip(cells, 0, (nx - 1, ny - 1)).astype(int).T
         return self._of_ground(name, None, self.painted.ground[iy, ix], iy, ix)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from flockbrush.behaviours.behaviour import read_only
 from flockbrush.behaviours.trigger import ANYONE, Happening, SeenNeighbours
 from flockbrush.components import (
     Alarm,
@@ -172,6 +173,10 @@ class WorldSenses:
         return self._once("height", lambda: self.xyz[:, 2] - heights_of_ground(self._land.heights, self.xyz))
 
     # memory and sight
+
+    def ground(self, name):
+        """(n,) a property of the ground under each animal."""
+        return self._once(("ground", name), lambda: read_only(self._land.ground_at(name, self.xyz)))
 
     def last(self, memory, rows):
         """(k,) tick in which what the condition remembers last held, before this one."""

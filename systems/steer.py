@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.behaviours.behaviour import Air, BySlot, FlockBySlot, Scene, Wishes, frozen
+from flockbrush.behaviours.behaviour import Air, BySlot, FlockBySlot, Scene, Wishes, frozen, read_only
 from flockbrush.behaviours.models.line_formation import InFormation
 from flockbrush.components import (
     Airborne,
@@ -228,6 +228,7 @@ def scene_of(world, lists=True):
         bodies,
         _by_slot(sight.found, species),
         world.resource(Landscape).heights.wrap,
+        lambda name: read_only(world.resource(Landscape).ground_at(name, xyz)),
     )
     return frozen(scene)
 

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from flockbrush.behaviours.brush import shipped
 from pens import pen
 from processes import HOUSE, other_process
 
@@ -10,6 +11,14 @@ BOGS = """
 from flockbrush.levels.terrain_kinds import terrain_property
 
 terrain_property("depth", 0.0, "how deep animals sink in", "m", low=0, high=2)
+"""
+DIVES = """
+from flockbrush.behaviours.drive import DriveParameters, drive
+
+
+@drive("dive", DriveParameters)
+def dive(scene, rows, params):
+    raise ArithmeticError(f"{scene.ground('depth').max():g} m deep")
 """
 SHEARS = """
 from flockbrush.components import Speed
@@ -26,11 +35,12 @@ class Shear:
 
 
 def installed(folder, name, group, code):
-    """The environment of a process in which a package with this module is installed."""
+    """The environment of a process in which a package with this module is installed, under one or several groups."""
     told = folder / "site" / f"{name}-1.0.dist-info"
     told.mkdir(parents=True)
     (told / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (told / "entry_points.txt").write_text(f"[flockbrush.{group}]\n{name} = {name}\n")
+    points = "".join(f"[flockbrush.{one}]\n{name} = {name}\n" for one in group.split())
+    (told / "entry_points.txt").write_text(points)
     (folder / "site" / f"{name}.py").write_text(code)
     return {"PYTHONPATH": f"{HOUSE}:{folder / 'site'}"}
 
@@ -50,6 +60,15 @@ def test_commands_know_the_properties_of_installed_packages(tmp_path):
     assert done.returncode == 0, done.stderr
     without = other_process("level", "check", levels / "first.tmj")
     assert without.returncode == 1 and "Terrain has no property 'depth'" in without.stdout
+
+
+def test_one_module_may_have_a_property_and_the_drive_that_uses_it(tmp_path):
+    bogs = installed(tmp_path, "bogs", "terrain drives", BOGS + DIVES)
+    brush = tmp_path / "diving.brush.toml"
+    brush.write_bytes(shipped().get("graze").source + b"\n[drives.dive]\n")
+    done = other_process("run", "meadow", "--agents", 3, "--ticks", 2, "--brush", brush, **bogs)
+    assert done.returncode == 1 and "bug" not in done.stderr
+    assert "bogs.py:11: drive 'dive' of bogs failed: ArithmeticError: 0 m deep" in done.stderr
 
 
 def test_levels_and_recordings_know_the_commands_of_installed_packages(tmp_path):

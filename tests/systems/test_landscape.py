@@ -11,6 +11,9 @@ from flockbrush.levels.schema import Goal, Key
 from flockbrush.levels.terrain_kinds import Terrain, TerrainKind, terrain_property
 from flockbrush.systems.commands import AddAnimals, AddObstacle, MoveGoal, PaintBrush, PaintCap, PaintCells
 from flockbrush.systems.ground_edges import outline_edges
+from flockbrush.systems.program_senses import WorldSenses
+from flockbrush.systems.programs import Programs
+from flockbrush.systems.steer import scene_of
 from hypothesis import given
 from hypothesis import strategies as st
 from small_herd import Shelf, box, brush, level, meadow, obstacle, put, spawn, straight
@@ -85,6 +88,24 @@ def test_a_further_property_of_the_ground_is_read_painted_and_undone(monkeypatch
     assert land.ground_at("depth", places).tolist() == [0.3, 0.5, 0.3]
     with pytest.raises(ValueError, match="rasters of the landscape"):
         land.ground_at("cost", places)
+    with pytest.raises(ValueError, match="'dept' is no property of the ground; did you mean 'depth'"):
+        land.ground_at("dept", places)
+
+
+def test_models_drives_and_conditions_ask_for_the_ground_under_each_animal(monkeypatch):
+    monkeypatch.setattr(terrain_kinds, "PROPERTIES", list(terrain_kinds.PROPERTIES))
+    terrain_property("depth", 0.5, "how deep animals sink in", "m", low=0, high=2)
+    ground, west = Terrain.blank((40, 40)), np.zeros((40, 40), bool)
+    west[:, :20] = True
+    ground.put(west, {**terrain_kinds.bare(), "name": "mud", "colour": "#83705a", "depth": 0.3})
+    simulation = meadow(WALK, terrain=ground)
+    put(simulation, [(3, 5), (33, 5)])
+    simulation.run(1)
+    senses = WorldSenses(simulation.world, Programs(), [])
+    for depth in (scene_of(simulation.world).ground("depth"), senses.ground("depth")):
+        assert depth.tolist() == [0.3, 0.5]
+        with pytest.raises(ValueError, match="read-only"):
+            depth[0] = 1.0
 
 
 def test_on_a_wrapped_map_obstacles_stand_beyond_the_seam_too():
