@@ -50,6 +50,14 @@ class PaintedGround:
             self._painter.repaint(box)
         return self._difference(self._painter.ground)
 
+    def late(self) -> GroundPatch | None:
+        """What still waits for its second (`EVERY`) at the end of the run; None for nothing."""
+        if not self._whole:
+            return None
+        self._whole = False
+        self._painter.repaint("all")
+        return self._difference(self._painter.ground)
+
     def _difference(self, picture):
         rows, columns = np.nonzero((picture != self.picture).any(axis=2))
         if not len(rows):
@@ -84,6 +92,7 @@ class GroundPictures:
 
     def late(self) -> tuple[int, bytes] | None:
         """The last frame and its picture, where something was painted since the picture before."""
+        self._stale |= self._ground.late() is not None
         return self._picture(self._frame - 1) if self._stale else None
 
     def _picture(self, frame):

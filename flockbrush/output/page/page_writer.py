@@ -70,7 +70,7 @@ class PageWriter:
     def take(self, moment):
         """Add one moment."""
         self.moving.take()
-        self._ground(moment.time)
+        self._ground(moment.time, self.painted.take(moment.time))
         body, attitude = self.bodies.take(moment), held(self.simulation, moment)
         marked = of_run(LeaderMarks, self.simulation).of(moment)
         self.rows.append(row_of(moment, body, attitude, *self.gaits.of(moment), marked))
@@ -83,6 +83,8 @@ class PageWriter:
 
     def finish(self):
         """Write what is left, the place, the names and the programs."""
+        if self.times:
+            self._ground(self.times[-1], self.painted.late())
         self._chunk()
         self._data("about", json.dumps(self._about(), separators=(",", ":")).encode())
         for name in SCRIPTS:
@@ -119,9 +121,8 @@ class PageWriter:
         self._data("ground", jpeg_of(self.painted.picture), compressed=True)
         self._data("place", json.dumps(_place(place), separators=(",", ":")).encode())
 
-    def _ground(self, time):
+    def _ground(self, time, patch):
         """Write what has changed of the ground's picture."""
-        patch = self.painted.take(time)
         if patch is not None:
             self.patches.append((round(time, 6), patch.left, patch.top))
             self._data("patch", jpeg_of(patch.pixels), compressed=True)
