@@ -29,7 +29,7 @@ def check_exports(paths, inputs=(), others=(), options=None):
     ProblemsError
         For unknown endings, packages that are not installed, and names that cannot be written.
     """
-    problems = []
+    problems, beside, inputs = [], [], [*inputs]
     for path in map(Path, paths):
         kind = exporter_of(path)
         if kind is None:
@@ -37,20 +37,24 @@ def check_exports(paths, inputs=(), others=(), options=None):
             message = f"the file extension of an export must be one of {', '.join(exporters())}; got {got}"
             problems.append(Problem(str(path), None, None, message))
             continue
-        extra = "   (or: pip install flockbrush[export])" if is_ours(kind.__module__) else ""
-        for module, package in kind.needs:
-            if importlib.util.find_spec(module) is None:
-                message = f"this needs the package {package}: pip install {package}{extra}"
-                problems.append(Problem(str(path), None, None, message))
         with _blaming(kind):
-            problems += [Problem(str(path), None, None, message) for message in kind.problems(path, options or {})]
-    kinds = [(path, kind) for path in paths if (kind := exporter_of(path))]
-    beside = [other for path, kind in kinds for other in kind.beside(path)]
-    inputs = [*inputs, *(file for _, kind in kinds for file in kind.reads(options or {}))]
+            messages = [*_lacking(kind), *kind.problems(path, options or {})]
+            problems += [Problem(str(path), None, None, message) for message in messages]
+            beside += kind.beside(path)
+            inputs += kind.reads(options or {})
     problems += output_problems([*paths, *others], inputs)
     problems = problems or output_problems([*paths, *beside, *others], inputs)
     if problems:
         raise ProblemsError(problems)
+
+
+def _lacking(kind):
+    """Messages about packages that an exporter needs and that are not installed."""
+    extra = "   (or: pip install flockbrush[export])" if is_ours(kind.__module__) else ""
+    for module, package in kind.needs:
+        parts = module.split(".")  # a part of a package that is not there cannot be looked for
+        if not all(importlib.util.find_spec(".".join(parts[: k + 1])) for k in range(len(parts))):
+            yield f"this needs the package {package}: pip install {package}{extra}"
 
 
 def _blaming(kind):

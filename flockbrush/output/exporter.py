@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flockbrush.engine.files import hold
-from flockbrush.engine.plugins import load_entry_points, load_modules
+from flockbrush.engine.plugins import PluginError, file_of, is_ours, load_entry_points, load_modules
+from flockbrush.engine.problems import Problem
 
 if TYPE_CHECKING:
     from flockbrush.runs.snapshots import Moment
@@ -181,6 +182,8 @@ def all_options() -> list[tuple[Option, tuple[str, ...]]]:
         for option in kind.choices:
             known, endings = options.get(option.name, (option, ()))
             if known != option:
-                raise ValueError(f"two exporters declare --{option.name} differently: {endings[0]} and {ending}")
+                text = f"two exporters declare --{option.name} differently: {endings[0]} and {ending}"
+                theirs = kind if not is_ours(kind.__module__) else exporters()[endings[0]]
+                raise PluginError([Problem(file_of(theirs.__module__), None, None, text)])
             options[option.name] = option, (*endings, ending)
     return list(options.values())

@@ -18,8 +18,8 @@ from flockbrush.systems.commands import MoveObstacle, SwitchBrush
 import flockbrush
 from flockbrush.cli.level_commands import recorder_of, stepping
 from flockbrush.cli.main import called
-from flockbrush.output.export import Exports
-from flockbrush.output.exporter import Exporter, exporters
+from flockbrush.output.export import Exports, check_exports
+from flockbrush.output.exporter import Exporter, Option, all_options, exporters
 from flockbrush.output.formats.gltf_scene import GltfScene
 from flockbrush.output.gltf import animated_nodes
 from flockbrush.runs.run import rebuild
@@ -178,6 +178,32 @@ def test_an_exporter_of_others_is_named(tmp_path, monkeypatch):
     with pytest.raises(PluginError, match=r"test_broken_runs.py:[0-9]+: exporter 'Torn' of .* RuntimeError: torn"):
         exported_with_births([tmp_path / "a.torn"])
     assert list(tmp_path.iterdir()) == []
+
+
+def failing(*_):
+    return 1 / 0
+
+
+@pytest.mark.parametrize("method", ["problems", "beside", "reads"])
+def test_an_exporter_of_others_that_fails_before_the_run_is_named(method, monkeypatch):
+    torn = type("Torn", (Torn,), {method: classmethod(failing), "__module__": __name__})
+    monkeypatch.setattr("flockbrush.output.exporter._registry", exporters() | {".torn": torn})
+    with pytest.raises(PluginError, match=r"test_broken_runs.py:[0-9]+: exporter 'Torn' of .* ZeroDivisionError"):
+        check_exports(["a.torn"])
+
+
+def test_an_exporter_that_needs_a_part_of_a_package_that_is_missing_says_so(monkeypatch):
+    torn = type("Torn", (Torn,), {"needs": (("no_such_package.part", "such"),)})
+    monkeypatch.setattr("flockbrush.output.exporter._registry", exporters() | {".torn": torn})
+    with pytest.raises(ProblemsError, match=r"^a.torn: this needs the package such: pip install such$"):
+        check_exports(["a.torn"])
+
+
+def test_an_exporter_whose_option_is_another_one_of_this_name_is_named(monkeypatch):
+    torn = type("Torn", (Torn,), {"choices": (Option("theme", 1, "mine"),), "__module__": __name__})
+    monkeypatch.setattr("flockbrush.output.exporter._registry", exporters() | {".torn": torn})
+    with pytest.raises(PluginError, match=r"test_broken_runs.py: two exporters declare --theme differently: .* and "):
+        all_options()
 
 
 def test_a_command_of_others_is_named():
