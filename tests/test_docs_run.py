@@ -46,7 +46,9 @@ def reader(tmp_path, monkeypatch):
     from flockbrush.engine.parallel import set_threads, threads
     from flockbrush.levels import terrain_kinds
 
+    from flockbrush.learning import likelihood
     from flockbrush.output import exporter
+    from flockbrush.studies import experiments
 
     before, properties = threads(), list(terrain_kinds.PROPERTIES)
     exporter.exporters()
@@ -56,6 +58,8 @@ def reader(tmp_path, monkeypatch):
     monkeypatch.setattr(behaviour, "_registry", dict(behaviour._registry))
     monkeypatch.setattr(drive, "_registry", dict(drive.drives()))
     monkeypatch.setattr(trigger, "_kinds", dict(trigger.conditions()))
+    monkeypatch.setattr(likelihood, "_registry", likelihood.likelihoods())
+    monkeypatch.setattr(experiments, "_registry", experiments.experiments())
     monkeypatch.setattr(commands, "COMMANDS", dict(commands.COMMANDS))
     monkeypatch.setitem(sys.modules, "page", types.ModuleType("page"))
     _level_of_the_readers(tmp_path)

@@ -177,8 +177,11 @@ class NextSteps:
 
 
 def _quiet(params):
-    """The parameters without chance."""
-    return params.model_copy(update={"wander": 0.0}) if "wander" in type(params).model_fields else params
+    """The parameters without chance: those that are declared so are 0."""
+    fields = type(params).model_fields.items()
+    return params.model_copy(
+        update={name: 0.0 for name, field in fields if (field.json_schema_extra or {}).get("chance")}
+    )
 
 
 def wrapped(angle) -> np.ndarray:
@@ -187,7 +190,7 @@ def wrapped(angle) -> np.ndarray:
 
 
 def _no_chance(stream, tick=0):
-    raise AssertionError(f"a model asked for chance ({stream}) where it has none")
+    return np.uint64(0)  # for models that draw numbers and multiply them by 0
 
 
 def log_density(off, spread) -> np.ndarray:
