@@ -247,11 +247,26 @@ def read_condition(value: Any, where: Key = (), depth: int = 0) -> tuple[Conditi
         return None, [(where, _no_kind(value, words, kinds))]
     kind = kinds[words[0]]
     if not kind.inner:
-        return validated(kind, value, where)
+        made, mistakes = validated(kind, value, where)
+        if made is not None:
+            _check_told(made)
+        return made, mistakes
     others = [word for word in value if word != words[0]]
     if others:
         return None, [(where + (others[0],), f"unknown name; '{words[0]}' must be the only key of its table")]
     return _read_inner(kind, words[0], value[words[0]], where + (words[0],), depth)
+
+
+def _check_told(condition):
+    """Ask a condition what programs ask it later, and name it where it fails."""
+    with blaming("condition", condition.word, type(condition).__module__):
+        hash(condition.memory())
+        for ref in condition.references():
+            if not isinstance(ref, Reference):
+                must = f"references() must give Reference, got {shown(ref)}"
+                raise TypeError(f"condition {condition.word!r}: {must}")
+        if not isinstance(condition.oddity(), str):
+            raise TypeError(f"condition {condition.word!r}: oddity() must return a string")
 
 
 def _read_inner(kind, word, value, where, depth):

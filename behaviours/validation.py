@@ -7,6 +7,7 @@ import math
 import re
 from typing import Any, NamedTuple, TypeVar, get_origin
 
+from flockbrush.engine.plugins import blaming
 from flockbrush.engine.problems import did_you_mean
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -106,7 +107,8 @@ def validated(model: type[Model], data: dict[str, Any], where: Key = ()) -> tupl
     reported = {path for path, _ in mistakes}
     model_object = None
     try:
-        model_object = model.model_validate(_tuples(known), strict=True)
+        with blaming("class", model.__name__, model.__module__, (ValidationError,)):
+            model_object = model.model_validate(_tuples(known), strict=True)
     except ValidationError as error:
         for item in error.errors(include_url=False):
             path = where + item["loc"]

@@ -17,6 +17,7 @@ from flockbrush.systems.edits import MarkSpawn, UseBrush
 from flockbrush.systems.program_commands import Event, ForgetProgram, GiveProgram, SetState, UseProgram
 from flockbrush.systems.program_reports import reason
 from flockbrush.systems.programs import Programs
+from pydantic import field_validator
 from small_program import SIZE, area, box, brushes, program, put, states, two_states, world
 
 import flockbrush
@@ -409,3 +410,33 @@ def test_a_condition_of_others_that_fails_is_named_also_inside_another(monkeypat
     scene = world(two_states("{ not = { ominous = true } }"), [(0, 0)])
     with pytest.raises(PluginError, match=r"test_programs.py:[0-9]+: condition 'ominous' of .* KeyError: 'omen'"):
         scene.tick()
+
+
+@pytest.mark.parametrize(
+    ("method", "acts", "words"),
+    [
+        ("memory", lambda self: 1 / 0, ":[0-9]+: condition 'ominous' of .* failed: ZeroDivisionError"),
+        ("memory", lambda self: (["omen"],), "condition 'ominous' of .* failed: TypeError: unhashable type: 'list'"),
+        ("references", lambda self: ["omen"], r"condition 'ominous': references\(\) must give Reference, got 'omen'"),
+        ("oddity", lambda self: None, r"condition 'ominous': oddity\(\) must return a string"),
+    ],
+)
+def test_a_condition_of_others_that_tells_something_wrong_is_named_as_it_is_read(method, acts, words, own_conditions):
+    made = {"__module__": __name__, "__annotations__": {"ominous": bool}, "ominous": given(True, "fails"), method: acts}
+    condition(type("Ominous", (Condition,), made))
+    with pytest.raises(PluginError, match=f"test_programs.py.*{words}"):
+        two_states("{ ominous = true }")
+
+
+def test_a_class_of_others_that_fails_to_check_its_fields_is_named(own_conditions):
+    @condition
+    class Ominous(Condition):
+        ominous: bool = given(True, "fails")
+
+        @field_validator("ominous")
+        @classmethod
+        def told(cls, value):
+            raise KeyError("omen")
+
+    with pytest.raises(PluginError, match="test_programs.py:[0-9]+: class 'Ominous' of .* failed: KeyError: 'omen'"):
+        two_states("{ ominous = true }")
