@@ -255,10 +255,9 @@ def _palette(level, library):
 
 
 def _brush_of(library, name):
-    brush = library.get(name)
-    if not isinstance(brush, Brush):
-        raise TypeError(f"library must be a BrushLibrary; its get({name!r}) gave {brush!r}")
-    return brush
+    if isinstance(brush := library.get(name), Brush):
+        return brush
+    raise TypeError(f"library must be a BrushLibrary; its get({name!r}) gave {brush!r}")
 
 
 def brushes_used(level):
@@ -462,10 +461,8 @@ def herds_apart(
     if start not in ENUMS["Formation"]:
         raise ValueError(f"start must be one of {', '.join(ENUMS['Formation'])}, got {start!r}")
     length = brushes[0].body.length if body_length is None else body_length
-    if not 0 <= count <= limits.ANIMALS:
-        raise ValueError(f"count must be 0 to {int(limits.ANIMALS)}, got {count}")
-    if not (0 < density < math.inf and 0 < length < math.inf):
-        raise ValueError(f"density and body_length must be above 0: {density:g}, {length:g}")
+    if not (0 <= count <= limits.ANIMALS and 0 < density < math.inf and 0 < length < math.inf):
+        raise ValueError(f"count must be 0 to {limits.ANIMALS}, density and body_length > 0: {count, density, length}")
     side = math.sqrt(count / density) * length
     size = max(3 * side + 20 * length, apart)
     low, high = 0.5 * (size - side), 0.5 * (size + side)

@@ -245,7 +245,7 @@ def test_arguments_of_a_simulation_are_told_with_their_names(tmp_path):
         (lambda: herd.submit(gone, tick=-5), "tick must be at least 0, got -5"),
         (lambda: flockbrush.build(meadow.level, library=3), "library must be a BrushLibrary, got 3"),
         (lambda: flockbrush.start("meadow", seed=10**400), "seed must be a whole number from 0 to"),
-        (lambda: flockbrush.plane(MARCH, 10**400), "count must be 0 to 1000000, got 1000"),
+        (lambda: flockbrush.plane(MARCH, 10**400), r"count must be 0 to 1000000, density and body_length > 0: \(1000"),
         (lambda: find_level(3), "name must be the name of a shipped level or a path, got 3"),
         (lambda: flockbrush.build(herd.level, agents="3"), "agents must be a whole number, got '3'"),
         (lambda: flockbrush.record(tmp_path / "a.flock", meadow, -1), "keyframes must be at least 0"),
