@@ -44,7 +44,7 @@ class SeenNeighbours(NamedTuple):
     offset: np.ndarray  # (m, 2 or 3) m
 
 
-class Asked(NamedTuple):
+class NeighbourFilter(NamedTuple):
     """Which neighbours a condition asks about."""
 
     species: np.ndarray  # (n,) uint8, who is of a species that it names
@@ -344,7 +344,7 @@ def count_seen(senses: Senses, rows, names=(ANYONE,), within=None, flags=None):
     if within is not None and not {ANYONE, KIN, OTHERS} & set(names):
         return senses.count_far(rows, wanted if flags is None else wanted & flags, reach)
     flagged = senses.flags((ANYONE,)) if flags is None else flags
-    query = Asked(wanted, senses.kin, KIN in names, OTHERS in names)
+    query = NeighbourFilter(wanted, senses.kin, KIN in names, OTHERS in names)
     for lists in senses.seen:
         over_rows(_count_seen, len(rows), rows, lists, query, flagged, reach, count)
     return count

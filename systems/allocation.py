@@ -151,7 +151,7 @@ def drives_by_rows(world, brush, rows):
     return [(some, drives) for some, drives in both if len(some)]
 
 
-def asked(scene, rows, drives) -> Shares | None:
+def allocated_shares(scene, rows, drives) -> Shares | None:
     """What the drives of one brush take of these rows; None when none of them acts."""
     left = np.ones(len(rows))
     names, shares, wishes = [], [], []
@@ -229,6 +229,6 @@ def cut(vectors, most):
 
 
 __all__ = [
-    "NO_LIMIT", "Shares", "allocate", "asked", "bodies_of", "dangers_of", "drives_by_rows", "kin", "relations_of",
-    "with_wishes",
+    "NO_LIMIT", "Shares", "allocate", "allocated_shares", "bodies_of", "dangers_of", "drives_by_rows", "kin",
+    "relations_of", "with_wishes",
 ]  # fmt: skip

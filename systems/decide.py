@@ -51,7 +51,7 @@ class Roles(System):
     writes = (Role, Memory, ReferenceBird, FormationPlace, Lost)
 
     def process(self, world):
-        agents, palette, found = world.agents, world.resource(Palette), world.resource(Sight).found
+        agents, palette, found = world.agents, world.resource(Palette), world.resource(Sight).by_slot
         cells, brush, reference = found.cells, agents[BrushBinding.brush], agents[ReferenceBird.entity]
         if len(cells.slot) > len(cells.row):  # those in the air see nobody on the ground
             nobody = cells.slot < 0

@@ -30,7 +30,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.seam import short_way
 from flockbrush.engine.world import World
-from flockbrush.systems.allocation import asked, drives_by_rows
+from flockbrush.systems.allocation import allocated_shares, drives_by_rows
 from flockbrush.systems.decide import Roles
 from flockbrush.systems.fauna import SpeciesList, kinds_of
 from flockbrush.systems.foresight import Ahead, SeeAhead, ShiftMigration
@@ -213,7 +213,7 @@ def _with_drives(small, aloft, scene, row, own, reasons):
     """The reasons of model and drives together, and the shares of the drives."""
     agents = small.agents
     [(rows, drives)] = drives_by_rows(small, agents[BrushBinding.brush][row], np.array([row], np.int32))
-    drive_shares = None if scene.bodies is None else asked(scene, rows, drives)
+    drive_shares = None if scene.bodies is None else allocated_shares(scene, rows, drives)
     total = 0.0 if drive_shares is None else float(drive_shares.share.sum())
     if drive_shares is None or total <= 0.0:
         return reasons, {}

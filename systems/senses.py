@@ -39,19 +39,19 @@ class Near:
 
 @dataclass
 class _Seen:
-    found: Found | None = None
+    by_slot: Found | None = None  # in the order of cells
     _lists: Lists | None = field(default=None, repr=False)
 
     @property
     def lists(self) -> Lists | None:
-        """By row; made when somebody asks, for herds and flocks alone do without."""
-        if self._lists is None and self.found is not None:
-            self._lists = lists_of(self.found)
+        """By row; made on request, because the herd model and boids do without."""
+        if self._lists is None and self.by_slot is not None:
+            self._lists = lists_of(self.by_slot)
         return self._lists
 
     def show(self, found):
-        """Take what has been seen in this tick."""
-        self.found, self._lists = found, None
+        """Replace the neighbours by those of this tick."""
+        self.by_slot, self._lists = found, None
 
     def trace(self):
         """Arrays by which replays are compared (`flockbrush.engine.trail`)."""

@@ -38,7 +38,7 @@ from flockbrush.engine.schedule import Stage, System
 from flockbrush.engine.seam import short_way
 from flockbrush.systems.allocation import (
     allocate,
-    asked,
+    allocated_shares,
     bodies_of,
     dangers_of,
     drives_by_rows,
@@ -108,7 +108,7 @@ class AskModels(System):
             return
         for index, rows in _by_brush(binding[scene.order], scene.order):
             for some, drives in drives_by_rows(world, index, rows):
-                taken = asked(scene, some, drives)
+                taken = allocated_shares(scene, some, drives)
                 if taken is not None:
                     allocate(world, scene, taken)
 
@@ -186,7 +186,7 @@ def scene_of(world, lists=True):
     agents, clock = world.agents, world.resource(Clock)
     noise, palette = world.resource(Noise), world.resource(Palette)
     obstacles, sight = world.resource(ObstaclesInSight), world.resource(Sight)
-    cells, species = sight.found.cells, kin(world)
+    cells, species = sight.by_slot.cells, kin(world)
     bodies = bodies_of(world, agents[Speed.drawn])
     near = world.resource(Near)
     landed = near.aloft is None and palette.flies.any()  # birds that have just landed fly by the lists of walkers
@@ -226,7 +226,7 @@ def scene_of(world, lists=True):
         relations_of(world),
         _noticed(world),
         bodies,
-        _by_slot(sight.found, species),
+        _by_slot(sight.by_slot, species),
         world.resource(Landscape).heights.wrap,
         lambda name: read_only(world.resource(Landscape).ground_at(name, xyz)),
     )
@@ -242,7 +242,7 @@ def _by_slot(found, species):
 
 def _flock_by_slot(world, species):
     """The state of other birds, by slot."""
-    found, velocity = world.resource(SightInSpace).found, world.agents[Velocity.xyz]
+    found, velocity = world.resource(SightInSpace).by_slot, world.agents[Velocity.xyz]
     return frozen(FlockBySlot(
         found.cells.slot, found.begin, found.count, found.seen, birds_of(found.cells, velocity, species)
     ))  # fmt: skip

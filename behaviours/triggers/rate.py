@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.amounts import Length, Rate
-from flockbrush.behaviours.trigger import KIN, OTHERS, Asked, Condition, Names, Reference, condition, given
+from flockbrush.behaviours.trigger import KIN, OTHERS, Condition, Names, NeighbourFilter, Reference, condition, given
 from flockbrush.engine.maths import exp_, log_
 from flockbrush.engine.noise import uniform_
 from flockbrush.engine.parallel import over_rows
@@ -67,7 +67,7 @@ def neighbourhood(senses, rows, names, within, nearest, flags):
     reach = np.full(len(senses.ids), np.inf) if within is None else within.of(senses.length) + 0.0 * senses.length
     flagged = senses.flags(names)
     counts, distance = np.zeros(len(rows), np.int64), np.zeros(len(rows))
-    most, query = nearest or 1_000_000, Asked(flagged, senses.kin, KIN in names, OTHERS in names)
+    most, query = nearest or 1_000_000, NeighbourFilter(flagged, senses.kin, KIN in names, OTHERS in names)
     for lists in senses.seen:
         over_rows(_neighbourhood, len(rows), rows, lists, query, flags, reach, most, counts, distance)
     return counts, distance

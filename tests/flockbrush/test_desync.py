@@ -115,7 +115,7 @@ def one_less(count):
     [
         (Underfoot, pushed(Ground.slope, slice(None), 1e-9), "Ground.slope"),
         (FindNeighbours, lambda world: world.resource(Near).cells.x.__imul__(1 + 1e-9), "resource Near"),
-        (See, lambda world: one_less(world.resource(Sight).found.count), "resource Sight"),
+        (See, lambda world: one_less(world.resource(Sight).by_slot.count), "resource Sight"),
         (Roles, pushed(Role.leader, slice(None), 1), "Role.leader"),
         (AskModels, pushed(Wish.direction, slice(None), 1e-9), "Wish.direction"),
         (Move, pushed(Position.xyz, slice(None), 1e-9), "Position.xyz"),

@@ -215,7 +215,7 @@ def facts_of(session, row) -> list[tuple[str, str]]:
 def seen_by(world, row) -> int:
     """How many others the animal saw in the last tick."""
     flies = world.resource(Palette).flies[world.agents[BrushBinding.brush][row]]
-    visible = world.resource(SightInSpace if flies else Sight).found
+    visible = world.resource(SightInSpace if flies else Sight).by_slot
     if visible is None or row >= len(visible.count):
         return 0
     return int(visible.count[row])
