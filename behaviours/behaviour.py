@@ -146,7 +146,7 @@ class NoticedLists(NamedTuple):
 
 
 def nobody_noticed(n) -> NoticedLists:
-    """The lists of n animals who notice nobody."""
+    """The lists of n animals that notice no other."""
     none = np.zeros(0)
     first, offset = np.zeros(n + 1, np.int64), none.reshape(0, 3)
     return NoticedLists(first, none.astype(np.int32), offset, none.astype(np.uint8), none, none)
@@ -374,7 +374,7 @@ class Behaviour:
     summary: Callable[[Scene, np.ndarray], Any] | None = None  # hangs neither on parameters nor on headings of the rows
 
     def blaming(self):
-        """A context in which errors are told of this model (`flockbrush.engine.plugins.blaming`)."""
+        """A context in which errors name this model (`flockbrush.engine.plugins.blaming`)."""
         return blaming("model", self.name, self.steer.__module__)
 
     def flight_of(self, params) -> Flight | None:

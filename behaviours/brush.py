@@ -401,7 +401,7 @@ class BrushLibrary(FileLibrary):
         return _parsed(str(path), self.bytes_of(path), _models() if self._models is None else self._models)
 
     def path_between(self, start: str, end: str) -> tuple[Path, bytes] | None:
-        """(file, bytes) of the measured path between two brushes, either way; None where nobody measured it."""
+        """(file, bytes) of the measured path between two brushes, either way; None if it was not measured."""
         file = self.file_called(f"{start}--{end}{PATH_SUFFIX}", f"{end}--{start}{PATH_SUFFIX}")
         return (file, self.bytes_of(file)) if file else None
 

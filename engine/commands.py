@@ -261,7 +261,7 @@ def _instead(word, known):
 
 
 def blaming_of(cmd):
-    """Errors that a command must not raise are told of the package that it is from."""
+    """A context that names the package of a command in errors that it must not raise."""
     return blaming("command", type(cmd).__name__, type(cmd).__module__, (ValueError, LookupError))
 
 

@@ -355,7 +355,7 @@ def home() -> Path:
 
 
 def private_folder() -> Path | None:
-    """A folder below the system's temporary one that nobody else can write; None when there can be none."""
+    """A private folder below the system's temporary folder; None if there can be none."""
     user = os.getuid() if hasattr(os, "getuid") else "user"
     try:
         place = Path(tempfile.gettempdir()) / f"flockbrush-{user}"

@@ -100,7 +100,7 @@ def _locked_file(path):
 
 
 def _is_still(file, path):
-    """Whether nobody removed the file between opening and locking it."""
+    """Whether the file was still there after opening and locking it."""
     try:
         return os.path.samestat(os.fstat(file.fileno()), os.stat(path))
     except FileNotFoundError:
@@ -176,7 +176,7 @@ def is_held(lock) -> bool:
 
 
 def abandoned(path) -> Lock | None:
-    """The lock of a file of ours that nobody holds, held from now on; None when there is no such file."""
+    """The lock of a file of ours that is not locked, now held; None if there is no such file."""
     if not is_marked(path):
         return None
     try:

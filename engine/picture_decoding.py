@@ -1,4 +1,4 @@
-"""Pictures decoded without a word on the terminal: whoever asked says what is wrong."""
+"""Decode pictures without terminal output; the caller reports errors."""
 
 from __future__ import annotations
 

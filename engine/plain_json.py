@@ -1,4 +1,4 @@
-"""JSON from files of which nobody knows who wrote them: its size is looked at before Python makes objects of it."""
+"""JSON from untrusted files: its size is checked before Python makes objects of it."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ LIMITS = {
 
 
 class RecordingError(Exception):
-    """A recording that cannot be written, read or lived again, in a sentence for whoever asked."""
+    """A recording cannot be written, read or replayed; ``str()`` says why."""
 
 
 def beginning(version):

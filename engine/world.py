@@ -68,7 +68,7 @@ class World:
         self._open()
 
     def _open(self):
-        """Get an esper context of its own, with nobody in it."""
+        """Get an esper context of its own, without entities."""
         self.name = f"world-{next(_numbers)}"
         self._agent_set: set[int] = set()  # esper asks which entities have a kind: the same ones for every column
         with _context:

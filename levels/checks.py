@@ -138,7 +138,7 @@ class _Checks:
             )
 
     def can_do(self, spawn):
-        """A species moves as its brush does and those of its program, and nobody who walks is born in the air."""
+        """Species move as their brush and programs do, and walkers are not born in the air."""
         try:
             brush, species = self.library.get(spawn.brush), self.fauna.find(spawn.species)
         except ProblemsError as error:

@@ -96,7 +96,7 @@ class Editor(CommandStack):
         return next((step.serial for step in reversed(self.done) if step.changes), 0)
 
     def new_id(self):
-        """An id for a new object that nobody else gets."""
+        """A new object id, never given twice."""
         self._highest = max(self._highest + 1, self.sheet.next_free("nextobjectid"))
         return self._highest
 

@@ -369,5 +369,5 @@ def _first_word(name):
 
 
 def _is_solid(word):
-    """Whether a layer of this name is full of what nobody walks on."""
+    """Whether a layer of this name is full of impassable ground."""
     return _WORDS.get(word) in ("cliff", "deep water")

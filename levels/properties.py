@@ -87,7 +87,7 @@ class Values(dict):
 
 
 def read_properties(node, cls: ObjectClass, place: FilePlace) -> Values:
-    """The properties of `node` as class `cls`; problems are told to `place`, wrong values left at the default."""
+    """The properties of `node` as class `cls`; problems are reported to `place`, wrong values become the default."""
     values = Values(cls)
     for entry, name, value in _flat(node, cls, place):
         line = getattr(entry, "line", place.line) or 1

@@ -384,7 +384,7 @@ class LevelReader:
             return False
 
     def program(self, name, place, line):
-        """The name of a program, which is read; one that is wrong is told with its own lines."""
+        """The name of a program, after reading it; mistakes are reported with its own lines."""
         if name and name not in self.named_programs:
             try:
                 self.named_programs[name] = self.programs.get(name)

@@ -82,7 +82,7 @@ class TerrainKind:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> TerrainKind:
-        """The kind that a tile of class Terrain tells of."""
+        """The kind that a tile of class Terrain describes."""
         more = {name: values.get(name, default) for name, default in bare().items()}
         return cls(values["name"], values["colour"], more)
 

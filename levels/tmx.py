@@ -262,7 +262,7 @@ _READ = {"layer": _tile_layer, "objectgroup": _object_layer, "imagelayer": _imag
 
 
 def _object(element):
-    """An object; what is wrong with it is said with its name."""
+    """An object; its mistakes are reported with its name."""
     try:
         return _object_node(element)
     except JsonError as error:

@@ -145,7 +145,7 @@ def with_wishes(world, scene):
 
 
 def drives_by_rows(world, brush, rows):
-    """[(rows, drives)] of one brush: of those who are not steered, and of the steered."""
+    """[(rows, drives)] of one brush: animals that are not steered, and those that are."""
     palette, steered = world.resource(Palette), world.agents[Leading.kind][rows] > 0
     both = (rows[~steered], palette.drives[brush]), (rows[steered], palette.drives_steered[brush])
     return [(some, drives) for some, drives in both if len(some)]

@@ -54,7 +54,7 @@ class Sheet:
 
 @dataclass
 class Sheets:
-    """The sheets of a level that nobody paints on while it runs, from the top down."""
+    """The layers of a level that are not painted while it runs, from the top down."""
 
     above: list[Sheet] = field(default_factory=list)
     below: list[Sheet] = field(default_factory=list)

@@ -80,7 +80,7 @@ def move(cells, forward, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=No
 
 
 def move_by_slot(cells, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=None, hills=None):
-    """As `move`: slots of those who move, and `Poses`."""
+    """As `move`: slots of the moved animals, and `Poses`."""
     m = len(cells.row)
     body, far = _bounds(cells)
     if ghosts < np.inf:

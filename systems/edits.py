@@ -53,7 +53,7 @@ class OfThing:
 
 @dataclass(frozen=True)
 class OfOutline(OfThing):
-    """A command that draws a thing of which only the name and the outline are told: ``what`` of class ``makes``."""
+    """A command that draws a thing by its name and outline alone: ``what`` of class ``makes``."""
 
     id: int
     name: str

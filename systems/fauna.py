@@ -137,7 +137,7 @@ def _relation(assets, names, i, j):
 
 
 def _kin(names, assets):
-    """Numbers of those who keep together: their own kind, and others who name each other kin."""
+    """Numbers of species that keep together: those that name each other kin."""
     label = np.arange(len(names), dtype=np.int32)
     for i in range(len(names)):
         for j in range(i):
@@ -204,7 +204,7 @@ def by_medium(table: SpeciesTable, species, aloft, *columns):
 
 
 def kin_of(table: SpeciesTable, species):
-    """(n,) int32: the same number for animals that keep together; the species itself where nobody says otherwise."""
+    """(n,) int32: the same number for animals that keep together; by default the species."""
     if (table.kin == np.arange(len(table.kin))).all():
         return species
     label = table.kin[species].astype(np.int32)

@@ -156,7 +156,7 @@ def _rows_of(ids, rows, entities):
 
 
 def _leader(place, leads, xy, forward, wrap):
-    """Who has led a skein so far, or is appointed; of several, or where nobody has, the front-most."""
+    """The bird that has led a skein so far or is appointed; the front-most of several, or if there is none."""
     some = next((some for some in (leads & (place == 0), leads, place == 0) if some.any()), np.full(len(place), True))
     candidates = np.flatnonzero(some)
     if len(candidates) == 1:

@@ -197,7 +197,7 @@ def decide(birds, leader, now, count, rules, perceived, new):
 
 @inner_kernel
 def _rival(i, j, s, leader, birds, now, rules):
-    """The front-most of those who follow j on side s, are near and in front of i; -1 for none."""
+    """The front-most bird that follows j on side s, near and in front of i; -1 for none."""
     x, y, _ = birds
     reference, side, _ = now
     rival, front = -1, 0.0

@@ -178,7 +178,7 @@ class Landscape:
 
     @property
     def opaque_solids(self):
-        """`Solids` that hide whoever is behind them from those in the air."""
+        """`Solids` that block the view of animals in the air."""
         return self._in_space()[1]
 
     def _in_space(self):

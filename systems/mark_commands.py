@@ -196,7 +196,7 @@ def own_place(command, args, xy):
 
 
 def _check_free(land, mine):
-    """ValueError unless the name is that of no other line or area: counts are told by name."""
+    """ValueError if another line or area has this name: counts are reported by name."""
     need(mine.name, "a line or an area needs a name: its counts are reported by name")
     others = [thing.name for thing in (*land.marks.lines, *land.marks.areas) if thing.id != mine.id]
     need(mine.name not in others, f"there is a line or an area {mine.name!r} already")

@@ -178,7 +178,7 @@ def compute_crossings(before, after, points):
 
 
 class HerdMoment(NamedTuple):
-    """A herd at one moment: what a measure is told."""
+    """A herd at one moment, as measures get it."""
 
     xyz: np.ndarray  # (n, 3) m
     xy: np.ndarray  # (n, 2) m, of a herd across the edge of a wrapped map in one piece

@@ -14,7 +14,7 @@ from flockbrush.systems.terrain import centroid
 
 
 def in_region(name, xyz, land):
-    """(n,) bool, who is in a region; nobody where the level has none of that name."""
+    """(n,) bool, animals in a region; all False if the level has none of that name."""
     inside = np.zeros(len(xyz), bool)
     for polygon in land.marks.regions().get(name, ()):
         inside |= inside_polygon(xyz, polygon, land.wrap)

@@ -67,7 +67,7 @@ class Hiding(NamedTuple):
 
 @dataclass
 class Noticed:
-    """The lists; None while nobody in the world could notice anybody."""
+    """The lists; None while no animal of the world could notice another."""
 
     lists: NoticedLists | None = None
 

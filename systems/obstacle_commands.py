@@ -98,7 +98,7 @@ class AddObstacle:
         return self.name if index is None else land.obstacles[index].name
 
     def ways(self, land):
-        """The glides that it goes with: those of its name or, where nobody has that name yet, of its name before."""
+        """The glides that it follows: those of its name or, if no obstacle has that name yet, of its former name."""
         name = self.name if land.find(self.name) else self.name_before(land)
         return [glide for glide in land.glides if glide.name == name]
 
@@ -177,7 +177,7 @@ def box_of_thing(land, things, number, polygon):
 
 
 def by_id(things, number):
-    """Index of the thing with the id of an object in the level file, or None; 0 is nobody's."""
+    """Index of the thing with this id of the level file, or None; 0 is no id."""
     return next((k for k, thing in enumerate(things) if thing.id == number), None) if number else None
 
 

@@ -246,7 +246,7 @@ def in_common_(x, y, time, stream, waves, herd):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def company(lo, hi, cells, length, speed, walking):
-    """Share of the others within four body lengths that walk; -1 where nobody is."""
+    """Share of the others within four body lengths that walk; -1 if there are none."""
     x, y, slot, start, nx, ny = cells.x, cells.y, cells.slot, cells.start, cells.nx, cells.ny
     cell, west, south, row = cells.cell, cells.west, cells.south, cells.row
     for i in range(lo, hi):

@@ -95,7 +95,7 @@ def _lay_ground(world, land, iy, ix, kinds):
 
 
 def in_walls(world):
-    """(n,) bool, whose body is on ground that nobody can walk, or touches an edge of something solid."""
+    """(n,) bool, animals with a body on impassable ground, or that touches a solid edge."""
     agents, land = world.agents, world.resource(Landscape)
     xyz = agents[Position.xyz]
     iy, ix = cell_under(land, xyz)

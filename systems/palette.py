@@ -137,7 +137,7 @@ class Palette:
         return dict(self._brought[1])
 
     def forget(self, name):
-        """Drop the newest brush again; whoever has it would be lost, so nobody may."""
+        """Drop the newest brush, which no animal may have."""
         newest = self.own[-1].name
         if newest != name:
             raise ValueError(f"{name} is not the newest brush; that is {newest}")
@@ -168,7 +168,7 @@ class Palette:
         return [brush.name for brush in self.brushes]
 
     def aloft(self, brush):
-        """(n,) bool, whose brush moves in the air; None when nobody's does."""
+        """(n,) bool, animals whose brush moves in the air; None if there are none."""
         if not self.flies.any():
             return None
         aloft = self.flies[brush]

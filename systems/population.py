@@ -169,14 +169,14 @@ def ground_for(land, reach, blocked):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _clear_of_solids(xyz, radius, solids):
-    """Moves out of every solid whoever would be born inside one."""
+    """Move newborn animals out of solids."""
     for i in range(len(xyz)):
         _, x, y, z = out_of_(solids, xyz[i, 0], xyz[i, 1], xyz[i, 2], radius)
         xyz[i, 0], xyz[i, 1], xyz[i, 2] = x, y, z
 
 
 def inset(land, body):
-    """Where a newborn's middle may be: on a wrapped map nobody is born across the seam."""
+    """Where the middle of a newborn may be; on a wrapped map not across the seam."""
     west, south, east, north = map(float, land.bounds)
     room = float(body) if land.wrap else 0.0
     return west + room, south + room, east - room, north - room

@@ -23,7 +23,7 @@ COLUMNS = tuple(ProgramState.fields.values())
 
 
 class TouchedEvents(NamedTuple):
-    """Events that were raised and that nobody has heard yet."""
+    """Events that were raised and not heard yet."""
 
     @staticmethod
     def taken(world):
@@ -71,7 +71,7 @@ class Event:
 
 @command
 class TakeBackEvent:
-    """Take an event back that nobody has heard yet."""
+    """Take back an event that was not heard yet."""
 
     name: str
     x: float = 0.0

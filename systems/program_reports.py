@@ -1,4 +1,4 @@
-"""What people are told of programs: how many are in which state, what led where, why one animal does what it does."""
+"""Reports on programs: animals in each state, transitions, and the reasons of one animal."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class WorldSenses:
         return self._world.resource(SpeciesList).names
 
     def _kin_labels(self):
-        """(species,) the same number for species that keep together, and for nobody else."""
+        """(species,) the same number for species that keep together, another for each other species."""
         kin = self._world.resource(SpeciesList).table.kin.copy()
         alone = np.flatnonzero(kin == SOLITARY)
         kin[alone] = len(kin) + alone

@@ -65,7 +65,7 @@ class Sight(_Seen):
 
 @dataclass
 class SightInSpace(_Seen):
-    """Visible neighbours of those in the air, with offsets (m, 3); None when nobody is."""
+    """Visible neighbours of animals in the air, with offsets (m, 3); None if there are none."""
 
     scratch: Scratch = field(default_factory=Scratch)
 

@@ -1,4 +1,4 @@
-"""Where newborn animals stand: inside their area, on free ground, touching nobody."""
+"""Places of newborn animals: inside their area, on free ground, touching no other animal."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def _lattice(polygon, count, body, heading, formation):
 
 
 def _crowd(others, count, side):
-    """A `Crowd` of these bodies with room for more, nobody in the table yet."""
+    """A `Crowd` of these bodies with room for more; its table is empty."""
     total = len(others.x) + count
     bodies = Capsules(*(np.concatenate([column, np.empty(count)]) for column in others))
     head = np.full(1 << max(2 * total - 1, 1).bit_length(), -1, np.int32)
@@ -296,7 +296,7 @@ def _enter(crowd, k):
 
 @njit(cache=True, error_model="numpy")
 def _is_free(crowd, x, y, ux, uy, half, radius):
-    """Whether a body meets nobody of a crowd."""
+    """Whether a body touches no other of a crowd."""
     cx, cy = int(np.floor(x / crowd.side)), int(np.floor(y / crowd.side))
     for iy in range(cy - 1, cy + 2):
         for ix in range(cx - 1, cx + 2):

@@ -90,7 +90,7 @@ def _along_slopes(scene, rows, ahead):
 
 
 def _in(scene, rows, transit):
-    """(k,) 1.0 for those on this way, None when nobody is."""
+    """(k,) 1.0 for animals on this way, None if none is."""
     if scene.bodies is None:
         return None
     here = (scene.bodies.transit[rows] == transit) & scene.bodies.aloft[rows]

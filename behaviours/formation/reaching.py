@@ -75,7 +75,7 @@ def reach_(x, y, heading, speed, tx, ty, lead_speed, lead_heading, rules):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def home_(heading, speed, waits, rules):
-    """(speed, heading) of a bird that follows nobody: along the track; who is ahead of the leader waits."""
+    """(speed, heading) of a bird that follows no other: along the track; birds ahead of the leader wait."""
     wanted = 0.5 * rules.cruise if waits else rules.cruise
     return limited_speed_(speed, wanted, rules), limited_turn_(heading, -rules.turning * wrap_(heading), rules)
 

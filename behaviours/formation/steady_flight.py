@@ -243,7 +243,7 @@ class SteadyFlight:
             raise _wrong(self.formation, message) from None
 
     def _shape(self, share, last, x, arrangement):
-        """The key shape of these shares, nobody before the leader; or as much of the way there as keeps the ranges."""
+        """The key shape of these shares with the leader in front; or as far towards it as the ranges allow."""
         how, wanted, (left, order) = self.drawing, share * float(total_power(x)), arrangement
         if how.method == "proximal":
             y = solve_proximal(x, wanted, last, how.proximal)
@@ -430,7 +430,7 @@ def _both_sides(curve, x, frame, swap):
 
 
 def _behind_the_leader(y, left):
-    """``y``, with nobody in front of the leader."""
+    """``y``, with the leader in front."""
     out = np.minimum(y, y[left] - IN_FRONT)
     out[left] = y[left]
     return out

@@ -136,7 +136,7 @@ class Movers(NamedTuple):
 
 
 class Fright(NamedTuple):
-    """The parameters of those who flee."""
+    """The parameters of prey."""
 
     flight_distance: float
     push: float  # rad, in a tick
@@ -145,7 +145,7 @@ class Fright(NamedTuple):
 
 
 class Chase(NamedTuple):
-    """The parameters of those who hunt."""
+    """The parameters of hunters."""
 
     distance: float
     charge_distance: float

@@ -149,7 +149,7 @@ def _rises(members, air, birds, way, cotangent, velocity):
 
 @inner_kernel
 def _of_those_ahead(i, air, birds, fx, fy, cotangent):
-    """Sum of the headings of one's kind within the angle; (0, 0): nobody, one leads."""
+    """Sum of the headings of birds of the same species within the angle; (0, 0) for a leader."""
     first, near, offset, species, forward = air.first, air.near, air.offset, birds.species, birds.forward
     ax = ay = 0.0
     for at in range(first[i], first[i + 1]):

@@ -63,7 +63,7 @@ class RandomRate(Condition):
 
 
 def neighbourhood(senses, rows, names, within, nearest, flags):
-    """(k,) flagged ones among the nearest visible neighbours, and (k,) m, their mean distance; 0 for nobody."""
+    """(k,) flagged ones among the nearest visible neighbours, and (k,) m, their mean distance; 0 if there are none."""
     reach = np.full(len(senses.ids), np.inf) if within is None else within.of(senses.length) + 0.0 * senses.length
     flagged = senses.flags(names)
     counts, distance = np.zeros(len(rows), np.int64), np.zeros(len(rows))

@@ -55,7 +55,7 @@ def lines_of(xyz, rules: VRuleSettings = VRuleSettings()):  # noqa: B008  frozen
 
 
 def leads_of(xyz, rules: VRuleSettings = VRuleSettings()):  # noqa: B008  frozen
-    """(n,) bool: who of one flock is in nobody's upwash."""
+    """(n,) bool, birds of one flock in no other bird's upwash."""
     xyz = np.ascontiguousarray(xyz, np.float64)
     follows = np.zeros((len(xyz), len(xyz)), np.bool_)
     _link(law_of(rules), xyz, follows)

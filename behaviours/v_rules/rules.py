@@ -224,7 +224,7 @@ def _approach(law, dx, dy, dz, chance):
 
 @kernel
 def _stationed(law, i, n, x, y, z):
-    """Whether bird i has nobody ahead, or has the best upwash and a clear view."""
+    """Whether no bird is ahead of bird i, or it has the best upwash and a clear view."""
     leads, spaced = True, False
     for j in range(n):
         dy = y[j] - y[i]
