@@ -46,7 +46,7 @@ class Patch(NamedTuple):
 
 
 def patches_of(mask, lighter) -> list[Patch]:
-    """Every patch of a mask (h, w) uint8; ``lighter`` (h, w) bool says where the picture is lighter than its sky."""
+    """Every patch of a mask (h, w) uint8; ``lighter`` (h, w) bool: where the picture is lighter than its sky."""
     count, labels, stats, centres = cv2.connectedComponentsWithStats(mask, connectivity=8)
     patches = []
     for k in range(1, count):

@@ -29,7 +29,7 @@ UNDONE = 100  # steps that can be taken back
 
 @dataclass(frozen=True)
 class ClipMarks:
-    """What is told to `flockbrush learn` with options."""
+    """What `flockbrush learn` takes as options."""
 
     landmarks: tuple[Landmark, ...] = ()
     # (int, int, int), optional; red, green, blue; found by the command unless given

@@ -1,4 +1,4 @@
-"""A film whose frames are had in any order: forwards, backwards, and by leaps."""
+"""A film with random access to its frames."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ def _stamps(reader, say):
 
 
 def _fps(nominal, stamps):
-    """Frames a second: what the film says, unless times that are even say otherwise; 30 where neither makes sense."""
+    """Frames a second: as the film states, unless its even times differ; 30 if neither is plausible."""
     span = float(stamps[-1] - stamps[0]) if (np.diff(stamps) > 0).all() else 0.0
     timed = (len(stamps) - 1) / span if span > 0 else math.nan
     known = math.isfinite(nominal) and 0.1 <= nominal <= 1000

@@ -115,7 +115,7 @@ def open_clip(path, frames: tuple[int | None, int | None] | None = None, say: Sa
 
 
 def _sha256(name, path):
-    """Of the file's bytes; says why it cannot be read."""
+    """Of the file's bytes; reports why it cannot be read."""
     try:
         check_file(path)
     except ProblemsError as error:
@@ -152,7 +152,7 @@ def _photograph(name, path, sha256, picture, frames, work):
 
 
 class _Film(FilmReader):
-    """A film whose pictures are had one after the other."""
+    """A film that is read picture by picture."""
 
     def __init__(self, name, path):
         self.ended = ""  # why it was not read to its end

@@ -74,7 +74,7 @@ def _arrays(path, file):
 
 @contextmanager
 def damage(path):
-    """Whatever goes wrong while a file is taken apart is told of the file."""
+    """A context in which errors of reading a file name the file."""
     try:
         yield
     except _TROUBLE as error:

@@ -108,7 +108,7 @@ class Fields:
 
     @property
     def tells_motion(self) -> bool:
-        """Whether anybody is seen to move or stand: not in a photograph, where nobody knows which end is the head."""
+        """Whether motion is known: not in a photograph, where heads are guessed."""
         return bool(np.isfinite(self.velocity[..., 0]).any())
 
     @property

@@ -147,7 +147,7 @@ class PictureBook(Book):
 
     @staticmethod
     def _turn(xy, heading):
-        """The way they fly, degrees; up where it cannot be told."""
+        """Flight direction, degrees; up if unknown."""
         if heading in HEADINGS:
             return HEADINGS[heading]
         some = xy[:: -(-len(xy) // GUESSING)]

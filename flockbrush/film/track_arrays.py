@@ -109,7 +109,7 @@ def _body_length(data, xy):
 
 
 def _times(path, data):
-    """(frames a second, as told or from the times, None where neither is there; s, time of the first frame)."""
+    """(frames a second, as given or from the times, None if neither is known; s, time of the first frame)."""
     fps, start = getattr(data, "fps", None), 0.0
     if getattr(data, "time_unit", "") == "seconds" and "time" in data.variables:
         times = np.concatenate(list(_slabs(path, data["time"], 0)))

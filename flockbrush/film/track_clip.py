@@ -39,7 +39,7 @@ def track_clip(clip, out, seed_points=None, correct=None, reach=None, as_json=Fa
 
 
 def _track(clip, out, seed_points, correct, reach, as_json):
-    """What `track_clip` does while nobody else may write the tracks."""
+    """What `track_clip` does while the tracks are locked."""
     seeds, corrections = (read_marks(path) if path else {} for path in (seed_points, correct))
     tracker = Tracker(seeds, corrections, reach)
     begin = time.perf_counter()
@@ -113,7 +113,7 @@ def _follow(clip, tracker):
 
 
 def _steps(film, tracker, times):
-    """Track the birds of all frames, taking up the times of these; whether somebody stopped it."""
+    """Track the birds of all frames and set their times; whether tracking was stopped."""
     with progress("tracking birds", film.length) as bar:
         try:
             while (image := film.read()) is not None:

@@ -293,7 +293,7 @@ class Tracker:
         return not self._peaked or np.mean(self._peaked) > WINGED
 
     def _parts(self, blobs, usual, reach):
-        """Positions of birds in this frame (k, 2) px, their areas (k,) px², and whether each was told apart (k,)."""
+        """Positions of birds in this frame (k, 2) px, areas (k,) px², and whether each is separate from others (k,)."""
         foretold = [bird.foretold() for bird in self.birds if bird.sure and bird.missed <= 4]
         inside: list[list[np.ndarray]] = [[] for _ in blobs]
         if blobs and foretold:
@@ -401,7 +401,7 @@ class Tracker:
             self.next += 1
 
     def _unmask(self, unseen):
-        """Who has not been told apart from others for long was never there."""
+        """End birds that were hidden by others for long, and remove their guessed positions."""
         for bird in self.birds:
             place = bird.path.get(self.frame)
             bird.hidden = bird.hidden + 1 if place is not None and tuple(place.tolist()) in unseen else 0

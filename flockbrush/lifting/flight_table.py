@@ -77,7 +77,7 @@ def wingspan_of(path) -> float | None:
 
 
 def _values(name, rows, columns, at, lines=None):
-    """(rows, columns) of numbers, whose ``lines`` are kept; ProblemsError names the first that is none."""
+    """(rows, columns) of numbers and their ``lines``; ProblemsError names the first cell that is no number."""
     values = array("d")
     for line, row in rows:
         if lines is not None:

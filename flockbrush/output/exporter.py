@@ -120,7 +120,7 @@ class Exporter:
         self._work.close()
 
     def naming(self):
-        """A context in which errors of the system name the file that was asked for."""
+        """A context in which errors of the system name the file to write."""
         return self._work.naming()
 
     def abandon(self):

@@ -95,7 +95,7 @@ class CurveChart(NamedTuple):
         self._scale(axes, measured)
 
     def _scale(self, axes, measured):
-        """The measured axis: as told, logarithmic, or from 0 where the curves come near it or hardly change."""
+        """The measured axis: as given, logarithmic, or from 0 if the curves come near it or hardly change."""
         limits = axes.set_xlim if self.words else axes.set_ylim
         if self.logarithmic:
             axes.set_yscale("log", subs=())

@@ -85,7 +85,7 @@ class Pictures(Exporter):
         return matte(*pictures)
 
     def _seen(self, moment):
-        """The animals of a moment for the painter, whose camera is brought to where it is then."""
+        """The animals of a moment for the painter; moves its camera to the place of that moment."""
         from flockbrush.output.pictures import herd_of
 
         herd = herd_of(self.simulation, moment)

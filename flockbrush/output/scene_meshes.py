@@ -125,7 +125,7 @@ class SceneMeshes:
         return self._faces([one for one, _ in with_images(self.scenery.obstacles, wrap_of(self.level))])
 
     def wall(self) -> float:
-        """How high obstacles are that have been told no height, m."""
+        """Height of obstacles without a height, m."""
         agents = self.simulation.agents
         return max(WALL, float(np.median(agents[Body.length])) if len(agents) else 0.0)
 

@@ -278,7 +278,7 @@ def motion(mesh: AnimalMesh, part: Part, clip: str, phase: float):
 
 
 def _leg(mesh, part, clip, phase):
-    """Legs lean and stretch so that the foot is where `foot` says."""
+    """Legs lean and stretch so that the foot is at `foot`."""
     if clip in ("fly", "glide"):
         return _turn(1, 1.35)
     if clip not in mesh.strides:

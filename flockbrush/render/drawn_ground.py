@@ -82,7 +82,7 @@ class Sketcher(TerrainSketch):
     # what is painted -------------------------------------------------------------
 
     def colour_of(self, asset):
-        """The colour of a brush; one of the palette for a brush nobody has told us."""
+        """The colour of a brush; one of the palette for an unknown brush."""
         key = brush_key(asset)
         if key not in self.brushes:
             self.brushes[key] = rgb(PALETTE[len(self.brushes) % len(PALETTE)])

@@ -70,7 +70,7 @@ def refuse_nan(array: np.ndarray, name: str):
 
 
 def checked(herd: DrawnHerd) -> DrawnHerd:
-    """The herd with every column filled, contiguous and finite; ValueError says which animal is not."""
+    """The herd with every column filled, contiguous and finite; ValueError names an animal that is not."""
     xy, forward = plane(herd.xy, "position"), plane(herd.forward, "heading")
     count = len(xy)
     if len(forward) != count:
@@ -95,7 +95,7 @@ def checked(herd: DrawnHerd) -> DrawnHerd:
 
 
 def _postures(postures, count):
-    """Postures of all animals; without, nobody has a look."""
+    """Postures of all animals; None if no animal has a look."""
     look, clip, phase = postures or (None, None, None)
     return Postures(
         column(look, count, np.int64, NO_LOOK, "look"),

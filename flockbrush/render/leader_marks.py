@@ -1,4 +1,4 @@
-"""Which leaders pictures mark: those of brushes that mostly follow, as a mark of nearly all would mark nobody."""
+"""Leaders that pictures mark: those of brushes that mostly follow, because marking nearly all says nothing."""
 
 from __future__ import annotations
 

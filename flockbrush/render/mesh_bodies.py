@@ -79,7 +79,7 @@ def _inks_of(mesh):
 
 
 def usual_lengths(herd) -> np.ndarray:
-    """(n,) m: the mean body length of those of the same species, or of the same look where no species are told."""
+    """(n,) m: the mean body length of those of the same species, or of the same look if no species are given."""
     kind = np.asarray(herd.postures.look if herd.species is None else herd.species, np.int64)
     kind = kind - kind.min(initial=0)
     return (np.bincount(kind, herd.length) / np.maximum(np.bincount(kind), 1))[kind]

@@ -81,7 +81,7 @@ class OrbitCamera:
     # between metres and pixels -------------------------------------------------------
 
     def project(self, xyz) -> tuple[np.ndarray, np.ndarray]:
-        """Pixel positions (n, 2) and depths (n,) m of points (n, 3); who is behind the eye has a depth below 0."""
+        """Pixel positions (n, 2) and depths (n,) m of points (n, 3); points behind the eye have a depth below 0."""
         across, high, depth = self.axes @ (np.asarray(xyz, float) - self.eye).T
         share = self.focal / np.where(np.abs(depth) < self.nearest, self.nearest, depth)
         x, y = self.middle
@@ -165,7 +165,7 @@ class OrbitCamera:
         return replace(self, azimuth=self.azimuth - left, elevation=self.elevation + over)._kept()
 
     def zoomed(self, factor: float, about=None) -> OrbitCamera:
-        """The camera nearer by this factor; the ground under the pixel `about`, if one is told, stays there."""
+        """The camera nearer by this factor; the ground under the pixel `about`, if given, stays there."""
         distance = float(np.clip(self.distance / factor, CLOSEST, FARTHEST))
         nearer = replace(self, distance=distance)._kept()
         if about is None:

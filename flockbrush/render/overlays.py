@@ -121,7 +121,7 @@ class Overlays:
     # kept layers -------------------------------------------------------------------
 
     def _kept(self, frame, camera, name, made_of, prepare):
-        """Lay over what `prepare(camera, made_of)` says, made once for the same things and camera."""
+        """Lay over what `prepare(camera, made_of)` returns, made once for the same things and camera."""
         known = self._layers.get(name)
         if known is None or known[0] != camera or not is_same(known[1], made_of):
             draw = prepare(camera, made_of)

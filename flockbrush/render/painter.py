@@ -289,7 +289,7 @@ class Painter:
             self.repaint("all")
 
     def _know_painted_brushes(self):
-        """Find the colours of brushes painted on the level that nobody has told us."""
+        """Find the colours of painted brushes that were not given."""
         known = getattr(self.level, "brush_colours", {})
         for name, colour in zip(known, worn(tuple(known.values()), self.theme), strict=True):
             self.brushes[brush_key(name)] = rgb(colour)

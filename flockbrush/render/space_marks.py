@@ -1,4 +1,4 @@
-"""What is drawn over a picture in space: who is selected, and where east, north and up are."""
+"""Marks over a picture in space: the selected animal, and the directions east, north and up."""
 
 from __future__ import annotations
 

@@ -206,7 +206,7 @@ class SpacePainter:
         return ViewCamera((float(x), float(y)), scale, (CLOSE, CLOSE), (0, 0, CLOSE, CLOSE))
 
     def faces(self, tall):
-        """(faces, colours, obstacle of each) of the obstacles; those without a told height are `tall` m high."""
+        """(faces, colours, obstacle of each) of the obstacles; those without a height are `tall` m high."""
         obstacles = [o for o, _ in with_images(getattr(self.level, "obstacles", None) or [], wrap_of(self.level))]
         key = (round(tall, 2), tuple(identity_of(o) for o in obstacles))
         if self._stood[0] != key:
@@ -219,7 +219,7 @@ class SpacePainter:
     # a frame -----------------------------------------------------------------------------
 
     def bodies_of(self, herd, original: DrawnHerd) -> SpaceHerd:
-        """Places and attitudes in space of a herd that is `checked`, as it was `told`; ValueError names a bad row."""
+        """Places and attitudes in space of a `checked` herd from its input `told`; ValueError names a bad row."""
         count = len(herd.xy)
         above = np.asarray(herd.z, float)
         if original.z is None and np.ndim(original.xy) == 2 and np.shape(original.xy)[1] == 3:

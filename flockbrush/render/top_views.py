@@ -263,7 +263,7 @@ def _blend(frame, row, col, found, alpha):
 
 @kernel
 def _packed(ink):
-    """A colour and a 1, so that the sum of four says all four colours' sums and how many they are."""
+    """A colour and a 1, so that a sum of four holds the sums of all channels and the count."""
     red, green, blue = ink
     return np.int64(red + 0.5) | np.int64(green + 0.5) << 20 | np.int64(blue + 0.5) << 40 | np.int64(1) << 60
 

@@ -103,6 +103,6 @@ def differences(there, build: Build, own=None):
 
 
 def _texts(table):
-    """The texts of a table that somebody else wrote."""
+    """The texts of an untrusted table."""
     table = table if isinstance(table, dict) else {}
     return {str(k)[:200]: v[:200] for k, v in table.items() if isinstance(v, str)}

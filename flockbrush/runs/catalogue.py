@@ -85,7 +85,7 @@ class Catalogue:
             self._tables[column] = table
 
     def word(self, column, key):
-        """The name by what tells it apart."""
+        """The name by what makes it unique."""
         return self.words[column][self._index[column][key]]
 
     def codes(self, column, codes):

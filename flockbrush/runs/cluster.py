@@ -48,7 +48,7 @@ def work_as(code: str, function: Callable, *arguments):
 
 
 def let_go(executor: Executor):
-    """Shut an executor down, and end its processes: nobody waits for what they still do."""
+    """Shut an executor down and end its processes without waiting for their work."""
     processes = list((getattr(executor, "_processes", None) or {}).values())  # of a pool on this machine
     try:
         executor.shutdown(wait=False, cancel_futures=True)

@@ -161,7 +161,7 @@ def _copies(world):
 
 
 def _changed(before, after):
-    """Whether a system changed something for those who live before and after it."""
+    """Whether a system changed columns of animals that exist before and after it."""
     if not isinstance(after, tuple) or before is None:
         return before != after
     (ids, old), (later, new) = before, after

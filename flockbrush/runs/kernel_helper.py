@@ -55,7 +55,7 @@ def _few(level, agents):
 
 
 def compile_calls(parent):
-    """Compile what is asked for and answer with nothing, until nobody asks."""
+    """Compile each requested kernel until there are no more requests."""
     _be_quiet()
     import flockbrush.runs.run  # noqa: F401  most kernels
 

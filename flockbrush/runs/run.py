@@ -201,7 +201,7 @@ def record(path: str | os.PathLike, simulation: Simulation, keyframes: int | Non
 
 
 def usual_keyframes(simulation, keyframes: int | None = None) -> KeyframeSpacing:
-    """When a recording has snapshots: as told, or every ten seconds and sooner where a tick takes long."""
+    """Interval of snapshots of a recording: as given, or ten seconds, and less if ticks take long."""
     if (keyframes or 0) < 0:
         raise ValueError(f"keyframes must be at least 0, got {keyframes}")
     if keyframes:
@@ -336,7 +336,7 @@ def embedded_level(run: RecordedRun):
 
 @contextmanager
 def _named(run):
-    """What is wrong with the files of a recording is told with its name."""
+    """A context in which problems of the files of a recording name the recording."""
     try:
         yield
     except ProblemsError as error:

@@ -113,7 +113,7 @@ class EditedMoments:
         return joined([part for part in shown if len(part)] or [rows_of(moment, np.zeros(0, int))], moment.time)
 
     def _sources(self, moment):
-        """[(animals, time at each edit)]: those whose time goes alike, as they are in the run at their own time."""
+        """[(animals, time at each edit)]: animals with the same course of time, and their own time in the run."""
         later = [k for k, edit in enumerate(self.edits) if edit.kind in IN_TIME]
         if not later:
             return [(moment, [moment.time] * len(self.edits))]

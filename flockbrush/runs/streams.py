@@ -44,7 +44,7 @@ def let_go():
 
 
 class _Output(io.TextIOWrapper):
-    """Standard output whose errors say that it is that."""
+    """Standard output whose errors name it."""
 
     @classmethod
     def instead_of(cls, stream):

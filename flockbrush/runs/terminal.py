@@ -39,7 +39,7 @@ _words: ContextVar[Callable[[str], str]] = ContextVar("words", default=str)
 
 @contextmanager
 def saying(words: Callable[[str], str]):
-    """Meanwhile `say` says every text in these words: those of a caller to whom options are arguments."""
+    """A context in which `say` passes its texts through ``words``, for callers whose options are arguments."""
     before = _words.set(words)
     try:
         yield
@@ -80,7 +80,7 @@ def print_line(text):
 
 
 def any_refused(files, check, show=print_line) -> bool:
-    """Call ``check`` with each file and show what it says of those that it refuses; whether it refused any."""
+    """Call ``check`` with each file and show its problems; whether there were any."""
     refused = False
     for name in files:
         try:
@@ -100,7 +100,7 @@ def styled(pattern, *values):
 
 
 def show(renderable):
-    """Print a table or a text as a result, as wide as it needs where nobody set a width; a string is not markup."""
+    """Print a table or a text as a result, in its full width unless a width is set; a string is not markup."""
     from rich.console import Console
 
     if isinstance(renderable, str):
@@ -290,7 +290,7 @@ class Interrupts:
         self._gentle = True
 
     def check(self):
-        """Between two ticks: Stopped, if somebody asked."""
+        """Between two ticks: raises Stopped if a stop was requested."""
         if self.asked:
             raise Stopped
 

@@ -61,7 +61,7 @@ class Experiment:
     drawn: ClassVar[tuple[str, ...]] = ()  # names of the files of `pictures`
 
     def blaming(self):
-        """A context in which errors are told of this experiment (`flockbrush.engine.plugins.blaming`)."""
+        """A context in which errors name this experiment (`flockbrush.engine.plugins.blaming`)."""
         return blaming("experiment", self.name, type(self).__module__, (Mistakes,))
 
     def unit_of(self, parameter: str) -> str:
@@ -419,7 +419,7 @@ def _wanted_of(row, wanted):
 
 
 def _lacks(what, group):
-    """What is said where a worker does not know what its program has registered."""
+    """The message for a worker that lacks what its program has registered."""
     where = f"in an installed package (entry point group flockbrush.{group})"
     script = "at the top of the script, outside `if __name__ == ...`"
     return f"this worker has no {what}; register it where workers do, too: {where} or {script}"

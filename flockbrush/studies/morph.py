@@ -247,7 +247,7 @@ def _last_part(simulation, trial, herds):
 
 
 def _herds(brushes, trial, seed, dwells=1, copies=0):
-    """Herds that begin as the trial says, too far apart to meet: of each brush one, or so many of the first."""
+    """Herds with the start of the trial, too far apart to meet: one of each brush, or several of the first."""
     length = brushes[0].body.length
     fastest, farthest = max(b.speed.mean for b in brushes), max(b.vision.range for b in brushes)
     reach = 2.0 * (fastest * trial.seconds * dwells + math.sqrt(trial.animals / DENSITY)) + farthest

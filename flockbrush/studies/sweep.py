@@ -145,7 +145,7 @@ def _fill(executor, running, waiting, suspects, width):
 
 
 def _blame(job, error, suspects):
-    """What becomes of a job whose worker died; yields its rows when it is given up."""
+    """Repeat a job whose worker died; yields its rows when it is given up."""
     if job.deaths < ATTEMPTS:
         suspects.append(job)
     elif len(job.seeds) > 1:  # one of them is to blame: the others shall not suffer for it
@@ -236,7 +236,7 @@ class Journal:
                 file.write(json.dumps({"build": self.build}, ensure_ascii=False).encode() + b"\n")
 
     def done(self, scenario: Scenario, seed) -> bool:
-        """Whether this run went well, and gave all that is asked for."""
+        """Whether this run succeeded and returned all requested measures."""
         row = self.rows.get((scenario.hash, seed))
         return row is not None and row["status"] == "ok" and all(name in row["measures"] for name in scenario.measures)
 
@@ -346,7 +346,7 @@ def sweep_to(
 
 
 def _check_runs(sweep, journal, resume):
-    """ProblemsError unless a sweep may go on with the runs that the journal has; runs of others are told."""
+    """ProblemsError unless a sweep may continue with the runs of the journal; reports runs of other scenarios."""
     count, own = len(journal.rows), len(_runs_of(sweep, journal))
     others = count - own
     if count and not own:

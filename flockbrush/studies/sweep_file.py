@@ -163,7 +163,7 @@ def read_sweep(path) -> Sweep:
 
 
 def rehearse(path):
-    """Read a sweep and begin a small run of its first scenario, for whoever looks which kernels it calls."""
+    """Read a sweep and begin a small run of its first scenario, to find the kernels that it calls."""
     sweep = read_sweep(path)
     first = sweep.scenarios[0]
     with sweep.experiment.blaming():

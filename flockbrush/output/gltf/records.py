@@ -96,7 +96,7 @@ class Records:
             yield last
 
     def by_animal(self):
-        """All records as a memory map (animals, frames); who is absent keeps the last place, or the first."""
+        """All records as a memory map (animals, frames); absent animals keep their last place, or their first."""
         shape = (len(self.slots), self.frames)
         table = np.memmap(self._folder / "animals", self.type, "w+", shape=shape)
         for frame, here in enumerate(self.by_frame()):

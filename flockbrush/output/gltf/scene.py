@@ -79,7 +79,7 @@ class GltfNodes:
         self.document.close()
 
     def _camera(self):
-        """The camera with keyframes, else one that shows the whole level from the direction that was asked for."""
+        """The camera with keyframes, else one that shows the whole level from the given direction."""
         place, path = self.place.place, camera_of(self.options)
         fixed = place.camera(self.options.get("azimuth"), self.options.get("elevation"))
         views = [fixed] if path is None else [path.at(time) for time in self.times or [0.0]]

@@ -40,7 +40,7 @@ LABELLED = ("state",)  # the labels of moments that are in frames
 
 
 class FrameError(ValueError):
-    """These bytes are no frame; the text says why."""
+    """Bytes are not a frame; ``str()`` is the reason."""
 
 
 def pack(moment, tick, made) -> bytes:

@@ -18,7 +18,7 @@ _ASKED = ("command", "undo", "play")
 
 
 class RequestError(ValueError):
-    """A message that is not a request; the text says why, `id` is the client's name for it."""
+    """A message is not a valid request: ``str()`` is the reason, `id` the client's name for it."""
 
     def __init__(self, message, id=None):
         super().__init__(message)

@@ -88,7 +88,7 @@ class Serving:
             self.link.close()
 
     def tick(self):
-        """One step of the world; all clients are told of commands of the script that cannot be done."""
+        """One step of the world; sends all clients the script commands that failed."""
         while True:
             try:
                 self.simulation.tick()
@@ -145,7 +145,7 @@ class Serving:
         return {"type": "done", "id": request.id, "tick": clock.tick, **told}
 
     def _do(self, request):
-        """Carry out a request; what else the answer says."""
+        """Carry out a request; returns further fields of the answer."""
         told = {}
         if request.play is not None:
             self.playing = request.play

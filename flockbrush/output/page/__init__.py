@@ -1,1 +1,1 @@
-"""The HTML page of a run: `writer` fills ``page.html``; ``three.bundle.js`` tells how three.js is bundled."""
+"""The HTML page of a run: `writer` fills ``page.html``; ``three.bundle.js`` describes how three.js is bundled."""

@@ -71,7 +71,7 @@ def packed(rows: list[FrameRow], bodies: dict, labels) -> bytes:
 
 
 def _table(rows, places, count, name, low, size):
-    """(animals, frames) whole numbers of one column; who is absent keeps its last, which costs nothing."""
+    """(animals, frames) whole numbers of one column; absent animals keep their last value, which costs no space."""
     table = np.zeros((count, len(rows)), np.int64)
     for k, (row, place) in enumerate(zip(rows, places, strict=True)):
         if name == "present":

@@ -184,7 +184,7 @@ class PageWriter:
 
 
 def measured(moment):
-    """{measure: number} of one moment, None where nobody is."""
+    """{measure: number} of one moment, None if there are no animals."""
     if not len(moment):
         return {name: 0 if name == "animals" else None for name, _, _ in MEASURES}
     away = moment.xyz - moment.xyz.mean(axis=0)

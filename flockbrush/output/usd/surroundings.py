@@ -157,7 +157,7 @@ def _goals(stage, place):
 
 
 def _camera(stage, place, options):
-    """The camera with keyframes, else one that shows the whole level from the direction that was asked for."""
+    """The camera with keyframes, else one that shows the whole level from the given direction."""
     made = UsdGeom.Camera.Define(stage, CAMERA)
     made.CreateVerticalApertureAttr(APERTURE)
     if options.get("camera"):
