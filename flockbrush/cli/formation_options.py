@@ -143,7 +143,7 @@ KeyShapes = enum.Enum("KeyShapes", {"proximal": "proximal", "marquardt": "levenb
 
 @dataclass
 class FlightOptions:
-    """A flight of a formation, as a person asked for it."""
+    """A flight of a formation, by its options."""
 
     birds: Annotated[
         int | None, option("N", "Number of birds; default: the number of marked birds.", min=2, max=500)

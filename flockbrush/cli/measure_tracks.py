@@ -108,7 +108,7 @@ def measure_tracks(path, looking: Looking, plot=None, every=1.0, as_json=False):
 
 
 def _of_tracks(path, looking, every):
-    """(what there is to say, measures over time, {}) of tracks, smoothed."""
+    """(notes, measures over time, {}) of smoothed tracks."""
     evidence = look_at(path, looking)
     about = {
         "sha256": evidence.sha256, "fps": evidence.fps,

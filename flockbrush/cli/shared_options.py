@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def option(*words: str, **more):
-    """An option of typer: its names, unless the parameter has them; its metavar, unless the type says it; its help."""
+    """A typer option: names if they differ from the parameter's, metavar if it differs from the type's, help."""
     names = [word for word in words if word.startswith("-")]
     *metavar, text = words[len(names) :]
     return typer.Option(*names, metavar=metavar[0] if metavar else None, help=text, **more)
@@ -33,7 +33,7 @@ def wrong(name: str, message: str) -> typer.BadParameter:
 
 
 def argument(metavar: str, text: str):
-    """A typer argument with what the help calls it and says of it."""
+    """A typer argument with its metavar and help."""
     return typer.Argument(metavar=metavar, help=text)
 
 
@@ -43,7 +43,7 @@ LevelName = Annotated[str, argument("LEVEL", "Level: a .tmj file, or the name of
 
 
 def no_export(path: Path | None) -> Path | None:
-    """A recording to write, whose name does not say that it is another file."""
+    """A recording to write; its name must not have the extension of an export."""
     from flockbrush.output.exporter import exporter_of
 
     if path is not None and exporter_of(path) is not None:
@@ -89,7 +89,7 @@ TrackFps = Annotated[float | None, option("F", "Frames per second of tracks with
 
 @dataclass(frozen=True)
 class TrackOptions:
-    """What a file of tracks may not say."""
+    """Options for files of tracks that lack these values."""
 
     unit: TrackUnit = None
     fps: TrackFps = None
@@ -157,7 +157,7 @@ def _default(field):
 
 
 def told_by_hand(context: typer.Context) -> frozenset[str]:
-    """Names of the parameters that a command line tells, be it what they are by default."""
+    """Names of the parameters that are given on the command line, also with their default value."""
     sources = {name: context.get_parameter_source(name) for name in context.params}
     return frozenset(name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE")
 

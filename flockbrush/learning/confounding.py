@@ -47,7 +47,7 @@ class Estimate:
 
     @property
     def told(self) -> str:
-        """The value with its error, or that the data do not tell it."""
+        """The value with its error, or that it is not identifiable."""
         return f"{self.value:.3f} ± {self.error:.3f}" if self.identifiable else "not identifiable"
 
 

@@ -64,7 +64,7 @@ def _common(name, value):
 
 
 class Later:
-    """A result that a helper works out, or this process when it is asked for."""
+    """A result computed by a helper, or by this process on request."""
 
     def __init__(self, future: Future | None, function, args):
         self.future, self.function, self.args = future, function, args

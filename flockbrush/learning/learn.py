@@ -128,7 +128,7 @@ def learn_brushes(wishes: LearnOptions) -> list[Findings]:
 
 
 def _looked(clip, wishes) -> ClipFolds:
-    """The observations of one clip; if it shows too little, the report says why."""
+    """The observations of one clip; if it shows too little, the report gives the reason."""
     try:
         looking = wishes.looking if is_tracks(clip) else replace(wishes.looking, body_length_m=None)  # see `length_m`
         how = clip, looking
@@ -362,7 +362,7 @@ def _brush(herd, learned, clips, wishes, figures={}, notes=()) -> Brush:  # noqa
 
 
 def _compare(found: Findings, wishes, interrupts, photo):
-    """Fill in what simulations say: on the frames held out, against others, with other numbers."""
+    """Fill in the results of simulations: on held-out frames, beside rivals, with other numbers of animals."""
     frames = found.held if found.held is not None else found.clips[0]
     brush = found.compared_brush
     asked, fields = (found.brush, start_of(frames, 0, 0, found.brush.body), wishes.seed), frames.fields

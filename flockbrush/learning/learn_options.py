@@ -1,4 +1,4 @@
-"""What a user asks of learning, and what of it cannot be done: told before the work begins."""
+"""Options of learning, and checks of them before the work begins."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class LearnOptions:
     told: frozenset[str] = frozenset()  # options of the command line, be it what they are by default
 
     def given(self, name: str) -> bool:
-        """Whether an option is told, or is not what it is by default."""
+        """Whether an option is given, or differs from its default."""
         return name in self.told or getattr(self, name) != {one.name: one.default for one in fields(self)}[name]
 
 
@@ -120,7 +120,7 @@ def checked(wishes: LearnOptions) -> list[Region]:
 
 
 def _tell_ignored(wishes):
-    """Say which options do nothing for these files; of films that is known once single animals are told apart."""
+    """Report options that do nothing for these files; for films this is known after tracking."""
     ignored = "--speed was ignored: it is for photographs; in a clip, speed is measured"
     for clip in filter(Path.is_file, wishes.clips if wishes.speed is not None else ()):
         if is_tracks(clip) or not is_picture(clip):

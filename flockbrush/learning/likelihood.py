@@ -59,7 +59,7 @@ class Likelihood:
     prior: Prior | None = None  # what is expected of the free parameters
 
     def told_by(self, turns: Turns) -> dict[str, tuple[float, float]]:
-        """Free parameters that these turns tell, and where they are looked for."""
+        """Free parameters that these turns determine, with their search ranges."""
         return {**self.numbers, **(self.by_walls if len(turns.percept.walls_offset) else {})}
 
     @property
@@ -82,7 +82,7 @@ _registry: dict[str, Likelihood] = {}
 
 
 def register(likelihood: Likelihood) -> Likelihood:
-    """Make a likelihood known, so that what its functions raise is told of it; ValueError when its name is taken."""
+    """Register a likelihood; errors of its functions name it.  ValueError when its name is taken."""
     if likelihood.name in _registry:
         raise ValueError(f"there is a likelihood {likelihood.name!r} already")
     prior = likelihood.prior and partial(_expected, likelihood)

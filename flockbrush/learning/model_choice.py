@@ -1,4 +1,4 @@
-"""Which kind of model a brush is learned as: what ``--model`` says, and the table that ``auto`` goes by."""
+"""The kind of model to learn: of ``--model``, or chosen by ``auto`` from a table."""
 
 from __future__ import annotations
 

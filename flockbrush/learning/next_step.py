@@ -129,7 +129,7 @@ class NextSteps:
         return at_rest / np.maximum(1.0 + at_rest - at_one, 1e-6)
 
     def alone(self, model: Behaviour, params) -> np.ndarray:
-        """The turns (k,), rad, that a model predicts for animals that see no other and touch those who are there."""
+        """The turns (k,), rad, that a model predicts for animals that see no others but touch them."""
         rows, quiet, nobody = np.arange(self.k, dtype=np.int32), _quiet(params), np.zeros_like(self.first)
         limit = getattr(params, "max_turn", np.inf) * self.turns.dt
 

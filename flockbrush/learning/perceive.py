@@ -111,7 +111,7 @@ def _leaders(xyz, forward, lists, params):
 
 
 def leader_rule(params):
-    """The `LeaderRules` of animals of one brush; in models without such rules nobody leads."""
+    """The `LeaderRules` of animals of one brush; models without such rules have no leaders."""
     cone = getattr(params, "leader_cone", 360.0)
     half = -1.0 if cone >= 360.0 else sincos_(np.radians(0.5 * cone))[1]
     rule = float(getattr(params, "neighbour_range", np.inf)), getattr(params, "leader_neighbours", -1), half

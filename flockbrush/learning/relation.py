@@ -159,7 +159,7 @@ def _others(tracks, danger, leave_out):
 
 
 def _turned_over(rows, rng):
-    """Tables in which blocks, by chance, have the danger on the other side: as likely if nobody reacts to it."""
+    """Tables in which blocks, by chance, have the danger on the other side: as likely if no animal reacts to it."""
     for _ in range(FLIPPED):
         signs = rng.choice([-1.0, 1.0], len(rows))
         yield np.concatenate([row * (1.0, 1.0, 1.0, sign, 1.0) for row, sign in zip(rows, signs, strict=True)])
@@ -241,7 +241,7 @@ def _fear(distance, notice):
 
 
 def _fitted(table, grid):
-    """(loss, notice distance, BL; strength) that say the turns best."""
+    """(loss, notice distance, BL; strength) of the best fit to the turns."""
     best = None
     for notice in grid:
         columns = np.column_stack([table[:, 1], table[:, 2], table[:, 3] * _fear(table[:, 4], notice)])

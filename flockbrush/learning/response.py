@@ -139,7 +139,7 @@ def _held(vectors, scatter, params):
 
 
 def _told(answers):
-    """Mean squares by which steps turn animals (k,), of the directions in which turns tell the numbers (d, k)."""
+    """Mean squares by which steps (k,) turn animals, for the directions (d, k) in which turns determine the numbers."""
     values, vectors = np.linalg.eigh(np.mean([a.gram for a in answers], axis=0))
     told = values > max(FAINTEST * values.max(), 0.0)
     return values[told], vectors[:, told]

@@ -310,7 +310,7 @@ class ClipTarget:
 
     @classmethod
     def of(cls, evidence: Evidence, every=None, single=None):
-        """The measures of a clip, at about forty frames or every `every`-th; `single`: animals are told apart."""
+        """The measures of a clip, at about forty frames or every `every`-th; `single`: of tracked animals."""
         single = told_apart(evidence) if single is None else single
         every = max(1, len(evidence.fields) // 40) if every is None else every
         view = view_of(evidence, single)

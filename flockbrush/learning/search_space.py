@@ -105,7 +105,7 @@ def _broad_draw(rng):
 
 
 def _extras_of(params):
-    """What a brush says besides the twelve numbers and differs from the defaults in."""
+    """Values of a brush besides the twelve numbers that differ from the defaults."""
     usual = type(params)()
     kept = (
         "neighbour_range", "wander", "wander_time", "max_turn", "sensitivity", "leader_neighbours", "leader_cone",

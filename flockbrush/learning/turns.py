@@ -56,7 +56,7 @@ class Turns(NamedTuple):
 
 @dataclass
 class TurnFit:
-    """Parameters that say the turns of a clip."""
+    """Parameters fitted to the turns of a clip."""
 
     theta: np.ndarray  # (12,)
     loss: np.ndarray  # (k,); negative logarithm of the likelihood a turn, after each accepted step
@@ -331,7 +331,7 @@ class _Judged(NamedTuple):
 
 
 def likelihood(turns: Turns, foretold) -> float:
-    """Logarithm of the likelihood a turn, of turns as `predicted` says them, at the spread that is likeliest."""
+    """Log-likelihood per turn of `predicted` turns, at the likeliest spread."""
     return -_loss(turns, *residuals(turns, foretold[0])[::2])
 
 

@@ -301,7 +301,7 @@ def _joined_row(rows):
 
 
 def _said(mine, rivals, told, seconds, count, source):
-    """(kind, sentence), or why nothing can be told."""
+    """(kind, sentence); of "untold" the reason."""
     least = {f"{SHORTEST:g} s": seconds < SHORTEST, f"{FEWEST} animals": count < FEWEST}
     least[f"{LEAST_TOLD} measures"] = len(told) < LEAST_TOLD
     lacking = [what for what, lacks in least.items() if lacks]

@@ -99,7 +99,7 @@ class ModelComparison:
         return [*self.likelier, *(general if self._tells() else [])]
 
     def _tells(self) -> bool:
-        """Whether the comparison says anything of single kinds."""
+        """Whether the comparison ranks single kinds."""
         return self.reason in ("", _too_few(self.blocks))
 
     @property
@@ -261,7 +261,7 @@ def _row(kind: Likelihood, blocks: TurnBlocks, seed) -> ModelRow:
 
 
 def likeliest(kind, blocks, seed):
-    """(perception, parameters) that say all turns best; each perception begins where the one before ended."""
+    """(perception, parameters) of the likeliest fit to all turns; each perception starts from the fit before."""
     best, begin = None, None
     for vision in kind.views:
         turns = blocks.train(vision)

@@ -1,4 +1,4 @@
-"""What is said of a clip, in words for what it was: tracks are read, fitted and judged as clips are."""
+"""Texts about a clip reworded for tracks, which are read, fitted and judged as clips are."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def _work_beside(given, module, name, arguments):
 
 
 def _work_elsewhere(given_as, given, module, name, arguments):
-    """The same, by a worker that somebody else started; arrays that came over the network must not be written to."""
+    """The same on a cluster worker; arrays that came over the network are read-only."""
     if given_as not in _shared:
         _shared.clear()
         _shared[given_as] = copy.deepcopy(given)

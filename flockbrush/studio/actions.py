@@ -89,7 +89,7 @@ class AppActions:
         self._notify_step(self.session.redo_label, self.session.redo(), "redo")
 
     def _notify_step(self, label, happened, step):
-        """Say what was undone or redone; what stands against it the session says itself."""
+        """Show what was undone or redone; obstacles to it the session shows itself."""
         if happened:
             self.notify(f"{step[:-2]}done: {label}")
         elif not label:

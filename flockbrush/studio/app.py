@@ -339,6 +339,6 @@ class App(ActiveTool, AppActions, CanvasEvents, Window):
         self.settings.save()
 
     def overlay_failed(self, name, error):
-        """Switch off an overlay of others that cannot be drawn, and say why; the View panel can show it again."""
+        """Switch off an overlay of others that cannot be drawn, and show why; the View panel can show it again."""
         self.overlays.discard(name)
         self.notify(f"{error}; this overlay is switched off", "error")

@@ -102,7 +102,7 @@ class CanvasEvents:
             self.tool.at = None
 
     def let_go(self):
-        """End what mouse and keys hold: whoever looks elsewhere now may not tell us when they come up."""
+        """Release mouse and keys: without focus the window may miss when they come up."""
         self._space = self._panning = False
         if self._stroking:
             self._stroking = False

@@ -122,7 +122,7 @@ class ControlKeys:
             self._tell(pygame_gui.UI_BUTTON_PRESSED, element, mouse_button=1)
 
     def _tell(self, kind, element, **values):
-        """Have the window hear at once what a mouse would have made the control say: later it may be made anew."""
+        """Send the control's event to the window at once, because the control may be remade later."""
         about = {"ui_element": element, "ui_object_id": element.most_specific_combined_id}
         self.app.handle(pygame.event.Event(kind, about | values))
 

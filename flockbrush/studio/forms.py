@@ -185,7 +185,7 @@ class Form(Modal):
             self.take_up(self.entries[rows[0].name])
 
     def texts(self) -> dict[str, str]:
-        """What the fields say."""
+        """The values of the fields."""
         return {name: entry.get_text() for name, entry in self.entries.items()}
 
     def handle(self, event) -> bool:

@@ -49,7 +49,7 @@ class MeasureHistory:
 
 
 def chart_of(samples):
-    """Samples as a chart; of a long run, as many as can be told apart."""
+    """Samples as a chart; of a long run, one for each pixel at most."""
     every = -(-len(samples) // CHART_POINTS) or 1
     few = samples[::every] + (samples[-1:] if (len(samples) - 1) % every else [])
     brushes = sorted({name for sample in few for name in sample.counts})

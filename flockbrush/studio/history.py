@@ -28,7 +28,7 @@ class History(CommandStack):
         self._highest = FIRST_ID
 
     def new_id(self):
-        """An id for a new object that nobody else gets."""
+        """A new object id, never given twice."""
         self._highest += 1
         return self._highest
 
@@ -74,5 +74,5 @@ class History(CommandStack):
         """There is none."""
 
     def save(self, path=None):
-        """It cannot be; ProblemsError says why."""
+        """Raise ProblemsError with the reason."""
         raise refused(self.path, f"cannot be saved: {self.why}")

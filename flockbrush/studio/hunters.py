@@ -44,7 +44,7 @@ def hunters(app):
 
 
 def _fits(species, brush):
-    """Whether a brush is made for a species, and not for everybody."""
+    """Whether a brush is made for one species."""
     return bool(brush.made_for) and brush.is_made_for(species.name, species.tags)
 
 

@@ -29,7 +29,7 @@ class Legend:
         self._wait, self._said = 0.0, None
 
     def update(self, dt):
-        """Count again now and then; draw the card anew only when it says something else."""
+        """Count again now and then; draw the card anew only when it changes."""
         self._wait -= dt
         herd = self.app.canvas.herd
         if self._wait > 0 or herd is None:
@@ -122,7 +122,7 @@ class ScaleBar:
             surface.blit(self.picture, self.picture.get_rect(bottomleft=(pad, surface.get_height() - pad)))
 
     def _fits(self, size, camera):
-        """Whether there is room for the bar, which is drawn anew when it says something else."""
+        """Whether there is room for the bar, which is drawn anew when it changes."""
         content = (camera.scale, self.app.theme.name, self.app.scale)
         if content != self._said:
             self._said, self.picture = content, self._bar(camera.scale)

@@ -202,7 +202,7 @@ class LiftWindow(FramesWindow):
         pygame.display.flip()
 
     def _draw_ways(self, canvas):
-        """Where everybody was in the last seconds, fainter the longer ago."""
+        """Trails of the last seconds, fainter with age."""
         way = self.show.way(self.k, TRAIL)
         if len(way) < 2:
             return

@@ -118,7 +118,7 @@ class _Shapes:
         return surface
 
     def add_surface_to_cache(self, surface, string_id):
-        """Keep a shape; those that were not asked for lately are forgotten."""
+        """Cache a shape; shapes that were not used lately are dropped."""
         if string_id in self._drawn:
             return
         self._drawn[string_id] = surface

@@ -170,7 +170,7 @@ class Session(TickRunner, SessionFiles):
 
     @property
     def timeline(self):
-        """The run, between two ticks: whoever asks waits for those that run beside."""
+        """The run, between two ticks; waits for ticks that run in the background."""
         self._collect()
         return self._timeline
 

@@ -85,7 +85,7 @@ class LevelFile:
 
 
 def file_version(path):
-    """What tells one version of a file from another; None where there is none."""
+    """Marks of a version of a file; None if there is no file."""
     try:
         status = os.stat(path)
     except OSError:
@@ -253,7 +253,7 @@ class SessionFiles:
     # brushes ---------------------------------------------------------------------
 
     def brush_folder(self):
-        """The folder for brushes of one's own, beside the level, made if it is not there; ProblemsError."""
+        """The folder for own brushes beside the level, created if missing; ProblemsError."""
         folder = self.path.parent / "brushes"
         if self.lent:
             raise self._lent("first save the level elsewhere, then save brushes beside it")
@@ -317,7 +317,7 @@ class SessionFiles:
         return path
 
     def _tell_tiled(self, name):
-        """Bring brushes of one's own into the Tiled project that the level belongs to, if it has one."""
+        """Add own brushes to the Tiled project of the level, if it has one."""
         folder = project_folder(self.path)
         try:
             if renew_brushes(folder, brush_library(folder / self.path.name)):
@@ -440,7 +440,7 @@ class SessionFiles:
         return self._recovery.folder / f"{plain_name(name)}.journal"
 
     def _note(self):
-        """Tell those who may have to recover which branches there are."""
+        """Write the list of branches for a recovery."""
         if self._recovery is None:
             return
         self.timeline.flush()

@@ -32,7 +32,7 @@ class Settings(BaseModel):
     @field_validator("overlays", mode="before")
     @classmethod
     def _of_a_list(cls, value):
-        """Earlier files list the overlays that are shown; of what came later they say nothing."""
+        """Earlier files list the overlays that are shown, and no later ones."""
         if not isinstance(value, (list, tuple)):
             return value
         return dict.fromkeys(LISTED, False) | dict.fromkeys(map(str, value), True)

@@ -140,6 +140,6 @@ def shown(key: str) -> str:
 
 
 def tip_of(action: Action) -> str:
-    """What the tooltip of a button says: the title, the key, and the sentence."""
+    """The tooltip of a button: title, key and sentence."""
     key = f"   [{shown(action.keys[0])}]" if action.keys else ""
     return f"<b>{action.title}</b>{key}<br>{action.tip}."

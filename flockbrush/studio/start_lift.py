@@ -1,4 +1,4 @@
-"""Opens the window of a flight from the command line, or tells why no window can be opened."""
+"""Opens the window of a flight from the command line, or prints why no window can be opened."""
 
 from __future__ import annotations
 

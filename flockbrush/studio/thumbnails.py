@@ -286,7 +286,7 @@ def _keep(path, image):
 
 
 def write_tiles(path, library):
-    """Put the pictures of a library's brushes into the tiles that Tiled shows; the file says which tile is whose."""
+    """Put the pictures of a library's brushes into the tiles that Tiled shows, as the file assigns them."""
     import cv2
 
     from flockbrush.levels.tile_pictures import BRUSHES_FILE, known_brushes

@@ -76,7 +76,7 @@ class TickRunner:
     _go: Callable
 
     def _stand_still(self):
-        """As long as nobody plays."""
+        """While the run is paused."""
         self._beside = BackgroundWork()
         self._rate = 1.0
         self._owed = 0.0  # ticks of real time that have not been simulated yet

@@ -26,7 +26,7 @@ NEAR, NEAR_TICKS = 16, 8  # moments kept where one looks at the past, and the ti
 
 
 class WentWrong(Exception):
-    """A tick that could not be lived; the world is as it was before it.  ``str()`` says why, for people."""
+    """A tick failed; the world is as it was before it.  ``str()`` is the reason."""
 
 
 class Timeline:
@@ -352,7 +352,7 @@ class Timeline:
         self._hash_every = SELDOM if size > HASH_BYTES else 1
 
     def free_name(self, name=None):
-        """A name that no branch and no file has: as asked for, or with the next number."""
+        """A name that no branch and no file has: the given one, or with the next number."""
         stem = name or self._first
         names = (stem if number == 1 else f"{stem}-{number}" for number in range(1, 10**6))
         return next(name for name in names if name not in self.branches and not self._file_of(name, True))
@@ -437,7 +437,7 @@ class Timeline:
             self._guarded(self.current.recorder.flush)
 
     def _guarded(self, write):
-        """A file that cannot be written is let go, and said once; the run goes on."""
+        """A file that cannot be written is given up, with one message; the run goes on."""
         try:
             write()
         except (RecordingError, OSError) as error:
@@ -469,6 +469,6 @@ def _ground_box(cmd, world):
 
 
 def _in_words(error):
-    """What a failed tick says to people."""
+    """The message of a failed tick."""
     text = str(error) or "no reason given"
     return text if isinstance(error, PluginError) else f"{type(error).__name__}: {text}"

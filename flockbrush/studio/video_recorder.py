@@ -46,7 +46,7 @@ class RunningVideo:
             self.left_out += 1
 
     def close(self) -> str:
-        """End the video; what there is to say about it."""
+        """End the video; returns the message about it."""
         self._queue.put(None)
         self._thread.join(30)
         if self.problem:

@@ -142,7 +142,7 @@ class Shelf(UIScrollingContainer):
 
 
 class Words(UILabel):
-    """A label that is drawn anew only when it says something else."""
+    """A label that is drawn anew only when its text changes."""
 
     def say(self, text):
         """Show this text, as much of it as there is room for."""

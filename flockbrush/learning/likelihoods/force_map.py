@@ -34,7 +34,7 @@ def fitted(turns, vision, seed, begin=None):
 
 
 def unevenness(values):
-    """A map is smooth, and those ahead count like those behind, unless turns say otherwise: the `Prior`."""
+    """The `Prior`: a map is smooth, and animals ahead count like those behind."""
     steps = [np.diff([values[f"{of}_{knot}"] for knot in KNOTS]) / step for of, step in STEPS.items()]
     return np.concatenate([*steps, [values["front_attraction"] / ONE_SIDED, values["front_alignment"] / ONE_SIDED]])
 

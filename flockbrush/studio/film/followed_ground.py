@@ -1,4 +1,4 @@
-"""The ground of a film: landmarks are followed beside the window, in any mode, and tell how the camera moved."""
+"""The ground of a film: landmarks are followed in the background and give the camera motion."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class PaintMode(Mode):
 
     @property
     def hint(self):
-        """What the mouse does; why it does nothing where nobody knows where the mask has gone."""
+        """What the mouse does, or why it does nothing where the place of the mask is unknown."""
         if self._to_first() is None:
             return self._unknown()
         how = "Drag: paint   Right click: fill   B, E, F: brush, eraser, fill   [ ]: size   Wheel: zoom"
@@ -121,7 +121,7 @@ class PaintMode(Mode):
         return f"No landmark is found both here and in frame {first}, to which the mask belongs; paint in another frame"
 
     def _there(self, place):
-        """The place in the frame that the mask belongs to; None, and told, where that is not known."""
+        """The place in the frame that the mask belongs to; None, with a message, if unknown."""
         matrix = self._to_first()
         if matrix is None:
             self.window.toasts.say(self._unknown(), "warning")

@@ -226,7 +226,7 @@ class BrushPanel(Panel):
         return command_of(brush, knob, value) if self.is_in_world else use(turned(brush, knob, value))
 
     def _do(self, label, commands, join=None):
-        """Submit what was asked for, and show what came of it."""
+        """Submit the request and show its result."""
         try:
             new_commands = commands()
         except ValueError as error:

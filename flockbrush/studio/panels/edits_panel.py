@@ -86,7 +86,7 @@ class EditsPanel(FieldsPanel):
         self.soon()
 
     def _take_times(self):
-        """What the fields say of the time; what is no time is put back.  Whether it is one."""
+        """Take the times of the fields and restore invalid ones; whether all were valid."""
         self.known = None
         try:
             start = number(self.times["start"].get_text(), "From")
@@ -127,7 +127,7 @@ class EditsPanel(FieldsPanel):
         self.app.open_dialog(Form(self.app, change.title.rstrip(" ."), self._with_names(change.rows), give))
 
     def _with_names(self, rows):
-        """The rows of a form; those that want a name tell which there are."""
+        """The rows of a form; those for names list the known ones."""
         words = words_of(self.app.session.simulation)
         return [
             row._replace(tip=f"{', '.join(words[row.name])}; empty: unchanged") if row.name in words else row

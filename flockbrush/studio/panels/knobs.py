@@ -60,7 +60,7 @@ class Knob:
         return {True: "yes", False: "no"}[value] if self.kind == SWITCH else str(value)
 
     def read(self, text: str):
-        """The value somebody typed; ValueError in the user's words."""
+        """The typed value; ValueError with a message for the user."""
         try:
             value = float(text.strip().replace(",", "."))
         except ValueError:
@@ -77,7 +77,7 @@ class Knob:
 
 
 def written(number: float) -> str:
-    """A number in as few digits as tell it: 0.40, 12.5, 1000."""
+    """A number in three or four digits: 0.40, 12.5, 1000."""
     if number == round(number) and abs(number) >= 1:
         return f"{number:.0f}"
     text = f"{number:.2f}"

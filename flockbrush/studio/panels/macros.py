@@ -121,7 +121,7 @@ def reaches_goal(entry: Mapping[str, Any]) -> bool:
 
 
 def _note(entry):
-    """(kind, note): what was measured of a slider that does less than its name says, or more."""
+    """(kind, note) on a slider whose measured effect differs from its name."""
     if "moves" not in entry:
         return NUMBER, ""
     (measure, far), *others = entry["moves"].items()

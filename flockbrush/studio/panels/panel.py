@@ -262,7 +262,7 @@ class Picture:
         self.said = None
 
     def show(self, surface, said=None):
-        """Show a surface; `said` is what it says, so that the same need not be drawn again."""
+        """Show a surface; `said` is its content, so that the same is not drawn again."""
         self.element.set_image(surface)
         self.said = said
 

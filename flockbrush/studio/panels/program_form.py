@@ -20,7 +20,7 @@ KIND = "condition"  # label of the row that says which condition it is
 
 @dataclass(frozen=True)
 class ProgramRow:
-    """One field: what stands before it, where it is in the file, what it says, and what it may say."""
+    """One field: its label, its place in the file, its value, and its allowed values."""
 
     label: str
     path: Path
@@ -39,7 +39,7 @@ class Card:
 
 
 def document_of(program: Program) -> dict[str, Any]:
-    """What the file of a program says, as plain data."""
+    """The file of a program as plain data."""
     document = tomllib.loads(program.source.decode("utf-8-sig"))
     top: dict[str, Any] = {
         name: document[name] for name in ("title", "description", "source", "start") if name in document

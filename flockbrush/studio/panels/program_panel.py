@@ -62,7 +62,7 @@ class StatesPanel(FieldsPanel):
         return text == row.text or self._edit(f"{row.label} of {row.path[1]}", lambda: changed(self.program, row, text))
 
     def _edit(self, label, make):
-        """Do what makes a new file; what is wrong with it becomes a message, and the form says what is so."""
+        """Make a new file; problems become a message, and the form is reset to the state of the file."""
         try:
             source = make()
             return self.put(label, source, self.program.name)

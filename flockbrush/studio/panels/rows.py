@@ -236,7 +236,7 @@ class NumberRow(PanelRow):
 
 
 class SentenceRow(PanelRow):
-    """A row without a widget: a sentence that tells why."""
+    """A row without a widget: a sentence with the reason."""
 
     @property
     def height(self) -> int:

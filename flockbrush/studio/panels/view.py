@@ -83,7 +83,7 @@ class ViewPanel(ScrollPanel):
         return self.menu(options, chosen, pygame.Rect(self.wide // 2, y, self.wide // 2, self.px(28)), do, "@up")
 
     def _scale_now(self) -> str:
-        """What the person has chosen, as the drop-down says it."""
+        """The choice in words of the drop-down."""
         chosen = self.app.settings.ui_scale
         return said(min(SCALES, key=lambda scale: abs(scale - chosen))) if chosen else AUTOMATIC
 

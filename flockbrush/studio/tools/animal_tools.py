@@ -40,7 +40,7 @@ class AddAnimalsTool(Stroke):
         super().begin(xy)
 
     def _tell_of_paint(self, xy, brush):
-        """Say once a stroke that painted ground gives another brush to those who have come."""
+        """Show once a stroke that painted ground gives added animals another brush."""
         app = self.app
         painted = app.painted_under(xy, app.species_of(brush))
         if painted not in ("", brush) and not self._warned:
@@ -152,7 +152,7 @@ class Select(Tool):
         self._pressed = None  # the selection stays: another edit of the same thing may follow
 
     def _drop(self):
-        """Let go of the thing, and of what was said of it."""
+        """Release the thing and its message."""
         if self.thing is not None and self.app.tool is self:
             self.app.set_hint(self.hint)
         self.thing = None

@@ -1,4 +1,4 @@
-"""Tools for what stops nobody: zones, lines and areas that count, keys of the script."""
+"""Tools for things that block no animal: zones, counting lines, measured areas, keys of the script."""
 
 from __future__ import annotations
 

@@ -304,7 +304,7 @@ class GuideTool(PathTool):
 
 
 class SpanTool(ShapeTool):
-    """Draws what two points tell: where a drag began, and where it ended."""
+    """Draws things given by two points: the start and the end of a drag."""
 
     def press(self, xy, button, mods):
         if button == 1:

@@ -111,7 +111,7 @@ def thing_of(simulation, kind, number):
 
 
 def change(app, label, kind, number, make):
-    """Do what ``make`` makes of the command for a thing as it is now; say so when it is there no longer."""
+    """Do the command that ``make`` gives for a thing as it is now; show a message if it is gone."""
     if thing_of(app.session.simulation, kind, number) is None:
         app.notify(f"this {SPOKEN.get(kind, kind)} is no longer there", "warning")
     else:
