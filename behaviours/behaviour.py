@@ -25,7 +25,7 @@ from flockbrush.engine.plugins import blaming, load_entry_points, load_modules
 from flockbrush.engine.seam import short_way
 from pydantic import BaseModel, ConfigDict, Field
 
-Guided = Literal["front", "everyone", "share", "appointed"]  # who follows a guide (`flockbrush.systems.leaders`)
+Guided = Literal["front", "everyone", "share", "appointed"]  # who follows guides (`flockbrush.systems.leaders`)
 GUIDED = get_args(Guided)
 TAKES_UP = 0.4  # s in which an animal takes up a new effort, or the velocity of a drive.  By eye
 
@@ -105,7 +105,7 @@ class Scene(NamedTuple):
     order: np.ndarray  # (n,) rows in spatial order: neighbours in turn are neighbours in memory
     air: Air | None = None  # what flyers perceive; None in a world without any
     formation: Any = None  # what birds in line formation know (`behaviours.models.line_formation.InFormation`)
-    relations: Kinds | None = None  # who fears and hunts whom, by kind of animal
+    relations: Kinds | None = None  # relations of fear and hunting, by kind of animal
     noticed: NoticedLists | None = None  # dangers, prey and leaders that animals notice
     bodies: Bodies | None = None  # what drives know of bodies; None where no drive could act
     by_slot: BySlot | None = None  # the same neighbours for models that say so (`Behaviour.by_slot`)
@@ -124,7 +124,7 @@ class Animals(NamedTuple):
     """The columns of a `Scene` that kernels of models and drives read, by row."""
 
     ids: np.ndarray  # (n,)
-    species: np.ndarray  # (n,) the same number for those who keep together
+    species: np.ndarray  # (n,) the same number for animals that keep together
     xyz: np.ndarray  # (n, 3) m
     velocity: np.ndarray  # (n, 3) m/s
     forward: np.ndarray  # (n, 3) unit headings
@@ -158,7 +158,7 @@ class BySlot(NamedTuple):
     Row i sees ``seen[begin[slot[i]]:][:count[i]]``, slots; their offset is ``(x[j] - x[slot[i]], y[j] - y[slot[i]])``.
     """
 
-    slot: np.ndarray  # (n,) int32; -1 for who is in the air, and sees nobody here
+    slot: np.ndarray  # (n,) int32; -1 for animals in the air, which see none here
     begin: np.ndarray  # (slots,) int64
     count: np.ndarray  # type: ignore[assignment]  # (n,) int64, by row
     seen: np.ndarray  # int32 slots
@@ -183,7 +183,7 @@ class FlockBySlot(NamedTuple):
     A line of the table is what neighbours need to know of a bird, in one piece of memory.
     """
 
-    slot: np.ndarray  # (n,) int32, the animal's own line; -1 for who is on the ground, and sees nobody here
+    slot: np.ndarray  # (n,) int32, the animal's own line; -1 for animals on the ground, which see none here
     begin: np.ndarray  # (lines,) int64
     count: np.ndarray  # type: ignore[assignment]  # (n,) int64, by row
     seen: np.ndarray  # int32; the last of each list are eight in full, filled up with the animal itself
@@ -278,7 +278,7 @@ def flock_of(scene: Scene, air: Air) -> FlockBySlot:
     if air.by_slot is not None:
         return air.by_slot
     n, count = len(air.first) - 1, np.diff(air.first)
-    bird = np.zeros((n + len(air.near), 8))  # all observers are in the middle; then come those whom they see from there
+    bird = np.zeros((n + len(air.near), 8))  # all observers are in the middle; then come the birds that they see
     bird[n:, :3], bird[n:, 3:6], bird[n:, 6] = air.offset, scene.velocity[air.near], scene.species[air.near]
     slot, neighbours = np.arange(n, dtype=np.int32), np.arange(n, len(bird), dtype=np.int32)
     begin = np.zeros(len(bird), np.int64)
@@ -369,7 +369,7 @@ class Behaviour:
     formation: bool = False  # its animals have places in a line formation
     explain: Callable[[Scene, int, Any], dict[str, np.ndarray]] | None = None  # the reasons of one animal
     has: tuple[str, ...] = ()  # names of the drives that the model does by itself
-    by_slot: bool = False  # takes its neighbours from `Scene.by_slot`; then nobody has to make the lists by row
+    by_slot: bool = False  # takes its neighbours from `Scene.by_slot`; then the lists by row are not made
     needs: tuple[str, ...] = ()  # names of the drives that act on top of it under every brush that says nothing of them
     summary: Callable[[Scene, np.ndarray], Any] | None = None  # hangs neither on parameters nor on headings of the rows
 

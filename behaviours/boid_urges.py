@@ -11,7 +11,7 @@ import numpy as np
 from flockbrush.engine.lane_maths import lane_function
 
 SAFETY = 5.0  # times the acceleration that would just do, asked for to pass an obstacle.  By trial: 2 grazes corners
-STANDING = 0.05  # of the maximum speed: who is slower was stopped by something, and goes away from it
+STANDING = 0.05  # of the maximum speed: slower birds were stopped by something, and turn away from it
 BESIDE = 2.0  # body lengths: nearer than this to a surface it goes off it before it heeds others, whatever is ahead
 OFF = 2.0  # how firmly, right at the surface.  By trial: with 0 a third of a flock touch the pillars that they pass
 

@@ -26,7 +26,7 @@ import numpy as np
 from flockbrush.behaviours.behaviour import TAKES_UP, Parameters, Scene, quantity
 from flockbrush.engine.plugins import load_entry_points, load_modules
 
-LOW = 5.0  # body lengths above the ground: nobody dives any lower
+LOW = 5.0  # body lengths above the ground: the lowest dive
 EASE = 2.0  # s before that in which a dive is ended
 BEHIND = -0.9  # cosine of the angle to the way of flight beyond which a bird turns off to the side first
 

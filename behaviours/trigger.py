@@ -47,7 +47,7 @@ class SeenNeighbours(NamedTuple):
 class NeighbourFilter(NamedTuple):
     """Which neighbours a condition asks about."""
 
-    species: np.ndarray  # (n,) uint8, who is of a species that it names
+    species: np.ndarray  # (n,) uint8, animals of a species that it names
     kind: np.ndarray  # (n,) the same number for animals of one kind
     kin: bool  # whether it asks about those of its own kind,
     others: bool  # and about all others
@@ -82,7 +82,7 @@ class Senses(Protocol):
     seen: tuple[SeenNeighbours, ...]  # on the ground, and in the air where somebody flies
     events: list[Happening]
     deaths: list[Happening]  # in the last tick; likewise
-    births: np.ndarray  # (n,) uint8, who was not there in the last tick; likewise
+    births: np.ndarray  # (n,) uint8, animals born since the last tick; likewise
 
     def stream(self, name: str) -> np.uint64:
         """Noise stream of a name, for `flockbrush.engine.noise.key_`."""

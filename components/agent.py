@@ -87,7 +87,7 @@ class Speed(Component):
     """The Ornstein-Uhlenbeck state (Gong et al. 2025, eq. 6) and what becomes of it."""
 
     drawn = Field(0.0)  # m/s, the process alone
-    effort = Field(1.0)  # what the model's wish for a pace has become: nobody sprints from one tick to the next
+    effort = Field(1.0)  # the pace that the model wishes, reached gradually
     target = Field(0.0)  # m/s, after slope, surface, density and caps: what the animal tries to do
 
 

@@ -11,7 +11,7 @@ class FormationPlace(Component):
     reference = Field(0, np.int64)  # entity id of the reference bird, 0 for none
     arm = Field(0, np.int8)  # side of the leader: -1 left, 1 right, 0 open
     place = Field(-1, np.int32)  # 0 leads, 1 is next on its arm ...; -1 open
-    offset = Field((0.0, 0.0))  # m, to the right of and ahead of the reference bird; who leads: see `Lost`
+    offset = Field((0.0, 0.0))  # m, to the right of and ahead of the reference bird; of leaders see `Lost`
     track = Field((0.0, 0.0))  # unit vector the flock flies along; (0, 0): in no flock
     climb = Field(0.0)  # m/s, to keep clear of others on the way and come back to the flock's height
     led = Field(0.0)  # s since this bird took the lead
@@ -29,7 +29,7 @@ class Lost(Component):
     """
 
     optional = True
-    entity = Field(0, np.int64)  # 0 for nobody
+    entity = Field(0, np.int64)  # 0: none
     place = Field((0.0, 0.0))  # m
     velocity = Field((0.0, 0.0))  # m/s
     ticks = Field(0, np.int32)  # since the bird was in that skein

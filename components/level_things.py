@@ -139,7 +139,7 @@ class Obstacle:
 
 
 BRUSH = "a brush asset, by name, or a .brush.toml file relative to the level"
-# whom paint and zones bind, and what zones do: a designer's view; the world keeps a `flockbrush.systems.marks.Zone`
+# what paint and zones bind, and what zones do: a designer's view; the world keeps a `flockbrush.systems.marks.Zone`
 PAINT_BOUNDS = (
     Property(
         "species",

@@ -137,7 +137,7 @@ class Table:
     def __init__(self, kinds, capacity=256):
         self.kinds = tuple(kinds)
         self.count = 0
-        self._fresh = 0  # the first row that nobody ever had: all zero in every column
+        self._fresh = 0  # the first row never used: all zero in every column
         self._ids = np.zeros(capacity, np.int64)
         self.arrays = {
             f: np.zeros((capacity, *f.default.shape), f.default.dtype)

@@ -279,7 +279,7 @@ class Commands:
         self.source = ""  # the recording that is lived again, for messages
 
     def __getstate__(self):
-        return {name: value for name, value in vars(self).items() if name != "refusal"}  # nobody records a copy
+        return {name: value for name, value in vars(self).items() if name != "refusal"}  # a copy is not recorded
 
     def submit(self, cmd, tick=0, key=0):
         """Apply a command at the start of the given tick, or of the next one if that has begun.

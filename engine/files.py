@@ -145,7 +145,7 @@ class Work:
             self.folder.mkdir(mode=0o700, exist_ok=True)
             try:
                 return Lock(self.folder / LOCK)
-            except FileNotFoundError:  # whoever had it before has just removed it
+            except FileNotFoundError:  # just removed by its former owner
                 continue
             except OSError:
                 with contextlib.suppress(OSError):

@@ -53,7 +53,7 @@ def prepare(house, version) -> str:
     tried = " and ".join(str(place) for place in (configured, BESIDE.parent, installed or own) if place)
     private = private_folder()
     place = private and private / "kernels"
-    if place is None or not can_write(place):  # numba unpickles what lies there: nobody else may write it
+    if place is None or not can_write(place):  # numba unpickles these files: only we may write there
         _keep_nothing()
         return f"compiled kernels cannot be stored, every start compiles them again: not writable: {tried}; {LAST}"
     take(house, place)

@@ -19,7 +19,7 @@ from pathlib import Path
 
 MARKER = "flockbrush lock 1"  # first line of every lock file of ours
 RETRIES = (0.0, 0.05, 0.2)  # s; a lock may be held for a moment by a program that looks whether it is free
-FAR = 1 << 30  # the byte that is locked on Windows, where nobody may read a locked byte
+FAR = 1 << 30  # the locked byte; on Windows locked bytes cannot be read
 _UNSUPPORTED = {getattr(errno, name, None) for name in ("ENOLCK", "ENOTSUP", "EOPNOTSUPP", "ENOSYS", "EINVAL")}
 
 

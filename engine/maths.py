@@ -21,7 +21,7 @@ forget_stale_kernels()
 save_one_at_a_time()
 compile_without_collecting()
 
-# one line in a kernel's loop; a function for C callers would be compiled for nobody
+# one line in a kernel's loop; a function for C callers would be compiled in vain
 kernel_function = njit(cache=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
 # too long for that, and called by kernels alone: what Python would call it through takes half the compiler's time
 inner_kernel = njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)

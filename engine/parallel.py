@@ -20,7 +20,7 @@ from flockbrush.engine.locks import Advice
 SMALL = 512  # rows; below this a second thread costs more than it brings
 PROBE = 128  # rows done alone the first time, to see how long the rest would take
 WORTH = 400_000  # ns of work; waking a thread takes 100,000, on a loaded machine more
-PIECES = 2  # at least, for each thread: who is late leaves more to the others
+PIECES = 2  # at least, for each thread: a late thread leaves more to the others
 
 
 def cores():

@@ -48,7 +48,7 @@ class ProblemsError(Exception):
     """All problems of an input; ``str()`` has one problem per line."""
 
     def __init__(self, problems: Iterable[Problem]):
-        self.problems = list(dict.fromkeys(problems))  # what several objects name is told once
+        self.problems = list(dict.fromkeys(problems))  # each problem once
         super().__init__(self.problems)
 
     def __str__(self):

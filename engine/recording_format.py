@@ -25,7 +25,7 @@ RECORD = struct.Struct("<cBHIIqI")  # kind, packed, reserved, stored bytes, unpa
 HEADER, ASSET, COMMAND, HASH, TRAIL, KEYFRAME, END = b"H", b"A", b"C", b"S", b"T", b"K", b"E"
 HASH_BYTES = 8
 _LITTLE = 64  # bytes that are kept as they are
-_SOME = 1 << 20  # bytes of a part by which its size packed is told
+_SOME = 1 << 20  # bytes of a part from which its packed size is estimated
 LIMITS = {
     ASSET: limits.RECORDING_ASSETS_BYTES + 2000, KEYFRAME: limits.SNAPSHOT_BYTES, HASH: HASH_BYTES,
     TRAIL: limits.RECORDING_SUMS_BYTES,

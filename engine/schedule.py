@@ -17,8 +17,8 @@ class Stage(enum.IntEnum):
 
     COMMANDS = 0  # what designers, scripts and the replay asked for
     GROUND = 1  # what is underfoot
-    NEAR = 2  # who is near
-    SENSE = 3  # who and what is visible
+    NEAR = 2  # animals nearby
+    SENSE = 3  # visible animals and things
     DECIDE = 4  # leader or follower, reference bird, way to go
     STEER = 5  # models turn senses into wishes
     SPEED = 6  # how fast

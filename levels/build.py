@@ -210,7 +210,7 @@ def build(
         When animals do not fit into their spawn, or a script command is unknown.
     """
     library = shipped() if library is None else library
-    species = list(dict.fromkeys(spawn.species for spawn in level.spawns))  # the script may name who does not come
+    species = list(dict.fromkeys(spawn.species for spawn in level.spawns))  # scripts may name species that do not come
     if agents is not None:
         level = scaled(level, agents)
     world = World(AGENT, capacity=max(256, level.agents))

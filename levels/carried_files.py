@@ -87,7 +87,7 @@ def _named_by(tileset) -> Iterator[Path]:
         names = file_names(parsed_document(tileset.read_bytes()))
         yield from (Path(os.path.normpath(tileset.parent / plain(name))) for name, needed in names if needed)
     except (OSError, JsonError, FileRefused):
-        return  # whoever reads the level is told
+        return  # reported when the level is read
 
 
 def _copied_as(files, prefixes, level):

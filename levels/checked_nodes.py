@@ -19,7 +19,7 @@ def parsed_document(data):
 
 _parsed_once = lru_cache(maxsize=8)(
     parsed_document
-)  # levels of a folder share their tilesets; nobody changes what was parsed
+)  # levels of a folder share their tilesets; parsed ones are not changed
 
 
 def parsed(data, place, kind):

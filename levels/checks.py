@@ -206,7 +206,7 @@ class _Checks:
         """(length, radius) m, if the brush says so."""
         try:
             body = body_of(self.library.get(spawn.brush), self.fauna.find(spawn.species))
-        except ProblemsError:  # an unknown brush is told already, a broken one is the brush check's business
+        except ProblemsError:  # an unknown brush is reported already, a broken one by the check of brushes
             return None
         scale = (spawn.body_length or body.length) / body.length
         return body.length * scale, body.radius * scale

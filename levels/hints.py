@@ -19,7 +19,7 @@ from flockbrush.levels.terrain_kinds import Terrain
 from flockbrush.systems.navigation import navigation_of
 from flockbrush.systems.terrain import compose_blocked, steepest_within, steepness_of
 
-_ANYWHERE = 100.0  # slope that anybody who climbs anything walks on
+_ANYWHERE = 100.0  # slope that every climbing species walks on
 _CLIFF = 1.0  # m of height between opposite borders below which nothing is said
 _AHEAD = 2.0  # cells before the end of a guide in which a wall is looked for
 

@@ -85,7 +85,7 @@ class MapObjects:
         else:
             old, _, east, south = existing
             thing = {**old, "name": name}
-            if self.class_of(thing, node) != cls:  # its layer told
+            if self.class_of(thing, node) != cls:  # its layer gave the class
                 thing[named] = cls
             if (east, south) != (dx, dy):
                 thing |= {"x": thing.get("x", 0) + east - dx, "y": thing.get("y", 0) + south - dy}

@@ -113,7 +113,7 @@ def _read(files, library, commands):
     return level
 
 
-OTHERS = {  # files that are often given instead of a level, and who takes them
+OTHERS = {  # files that are often given instead of a level, and the commands that take them
     ".flock": "a recording, for flockbrush replay, play, measure or export",
     **dict.fromkeys((".csv", ".tsv", ".parquet", ".nc", ".npy"), "a table of tracks, for flockbrush measure or learn"),
     **dict.fromkeys((".mp4", ".mov", ".avi", ".mkv", ".webm"), "a film, for flockbrush learn, or play --clip"),
@@ -380,7 +380,7 @@ class LevelReader:
         """Whether the brush of a file is not the one of this name in the library."""
         try:
             return name in library.names() and library.get(name).source != self._brush_files[name][1]
-        except ProblemsError:  # nobody uses that one
+        except ProblemsError:  # not used
             return False
 
     def program(self, name, place, line):

@@ -57,7 +57,7 @@ class BrushLayer:
     weight: float  # the layer's opacity, 0..1
     assets: list[str]
     index: np.ndarray  # int16
-    bounds: PaintBounds = field(default_factory=PaintBounds)  # whom it binds
+    bounds: PaintBounds = field(default_factory=PaintBounds)  # species that it binds
 
     @property
     def plain(self):

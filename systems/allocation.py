@@ -40,7 +40,7 @@ from flockbrush.systems.noticing import Noticed
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near
 
-FASTER = 2.0  # times its speed of the moment: the usual flight of a species that nobody has described
+FASTER = 2.0  # times its speed of the moment: the usual flight of a species without a file
 
 
 class Shares(NamedTuple):
@@ -97,7 +97,7 @@ def bodies_of(world, speed):
     aloft = np.zeros(n, bool) if near.aloft is None else near.aloft & ~palette.grounded[agents[BrushBinding.brush]]
     top, flee, most = by_medium(table, species, aloft, table.speed, table.flee, table.acceleration)
     known = table.known[species]
-    usual = np.maximum(FASTER * speed, 4.0 * length)  # of those that nobody has described
+    usual = np.maximum(FASTER * speed, 4.0 * length)  # of species without a file
     xyz = agents[Position.xyz]
     threat = agents[Alarm.place] - xyz
     threat[:, :2] = short_way(threat[:, :2], land.wrap)

@@ -81,7 +81,7 @@ class Migrate(OfAnimals):
     def apply(self, world):
         agents, chosen = world.agents, self.chosen(world)
         target = np.array([self.x, self.y, self.z])
-        # who was bound elsewhere, or nowhere, turns at once
+        # animals with another goal, or none, turn at once
         glides = chosen & (agents[Migration.kind] == _BOUND[self.kind]) & (self.seconds > 0)
         jumps = chosen & ~glides
         agents[Migration.kind][chosen] = _BOUND[self.kind]

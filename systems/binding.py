@@ -31,7 +31,7 @@ from flockbrush.systems.fauna import AIR, PLANE, WATER
 from flockbrush.systems.terrain import NO_BRUSH, is_off_, rasterise_polygon
 from numba import njit
 
-LOW = 1.0  # body lengths: who flies no higher may be bound by paint of the ground
+LOW = 1.0  # body lengths: lower flyers may be bound by paint on the ground
 TOUCH = 0.25  # body lengths besides the radius: so low a bird stands
 CLEAR = 8.0  # body lengths above the ground: so high a bird has taken off
 TOUCHDOWN = 0.6  # times the slowest flight: slower than this a bird stands on its feet
@@ -44,7 +44,7 @@ class Sheet:
     """Paint of one kind."""
 
     brush: np.ndarray  # (ny, nx) int32, -1 unpainted
-    species: tuple[str, ...] = ()  # whom it binds; empty: those its brushes are made for
+    species: tuple[str, ...] = ()  # species that it binds; empty: those its brushes are made for
     medium: int = BY_BRUSH
     z_min: float = -np.inf  # m above the ground
     z_max: float = np.inf

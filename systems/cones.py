@@ -131,7 +131,7 @@ def cones_of_capsules(i, n, cells, near):
         store(near.axis_y, k, y)
         store(near.shut, k, where(within, splat(NEVER), splat(_F0) - (x * lx + y * ly)))
         store(near.sine, k, x * ly - y * lx)
-        # between observer and near side nobody is farther away than the farther tangent point
+        # no body between observer and near side is farther away than the farther tangent point
         tr, tl = where(right, ta, tb), where(left, tb, ta)
         far2 = where(tr > tl, tr, tl) * (1.0 + 1e-6)
         store(near.far2, k, where(far2 > d2, far2, d2))

@@ -86,7 +86,7 @@ def move_by_slot(cells, wish, speed, max_turn, edges, dt, ghosts=np.inf, top=Non
     if ghosts < np.inf:
         speed = np.minimum(speed, max(ghosts - 2.0 * (body + far + SLACK), 0.0) / (4.0 * dt))
     far += 2.0 * dt * float(speed.max(initial=0.0))
-    reach = 2.0 * (body + far + SLACK)  # whoever is farther away cannot be met, for nobody goes farther than ``far``
+    reach = 2.0 * (body + far + SLACK)  # farther animals cannot be met: none goes farther than ``far``
     # all by slot, so that neighbours in turn are neighbours in memory
     met = contacts_within(reach, cells)
     order = met.order

@@ -21,9 +21,9 @@ class Contacts(NamedTuple):
     half: np.ndarray  # m, half the length of the axis
     radius: np.ndarray  # m
     row: np.ndarray  # (slots,) int32
-    order: np.ndarray  # (k,) int32: slots of those who move
+    order: np.ndarray  # (k,) int32: slots of animals that move
     itself: np.ndarray  # (slots,) int32: of a ghost the slot of the animal that it copies
-    near: np.ndarray  # (slots, width) int32: slots of those who could be met
+    near: np.ndarray  # (slots, width) int32: slots of animals that could be met
     count: np.ndarray  # type: ignore[assignment]  # (slots,) int32: how many they are
 
 

@@ -53,7 +53,7 @@ class Roles(System):
     def process(self, world):
         agents, palette, found = world.agents, world.resource(Palette), world.resource(Sight).by_slot
         cells, brush, reference = found.cells, agents[BrushBinding.brush], agents[ReferenceBird.entity]
-        if len(cells.slot) > len(cells.row):  # those in the air see nobody on the ground
+        if len(cells.slot) > len(cells.row):  # animals in the air see none on the ground
             nobody = cells.slot < 0
             agents[Role.leader][nobody] = palette.leader_neighbours[brush[nobody]] >= 0
             reference[nobody] = 0

@@ -197,7 +197,7 @@ class PlaceGoal(OfThing):
         self.foresee(world)
         if first:
             bound[:] = 0
-        elif new:  # whoever goes to the first goal goes to the one that is first now
+        elif new:  # animals on the way to the first goal go to the new first one
             bound[bound >= max(self.there(land), 1)] += 1
         land.navigate()
 

@@ -129,7 +129,7 @@ def _surroundings(world, row):
     size = float((agents[Body.axis] + agents[Body.radius]).max())
     sight = max(sight, float(agents[Vision.range].max()), 3.0 * size)
     near = np.hypot(*away.T) <= 2.0 * (sight + size)
-    if len(palette):  # whom it notices for what they are
+    if len(palette):  # animals noticed by their species
         kind = kinds_of(agents[Species.index], palette.danger[agents[BrushBinding.brush]])
         near |= world.resource(SpeciesList).relations.verb[kind[row], kind] > 0
     brush = agents[BrushBinding.brush]

@@ -13,16 +13,16 @@ NOTHING, FEAR, HUNT, FOLLOW = range(4)  # of `Relations.verb`: what one notices 
 NOTICED = {"fear": FEAR, "hunt": HUNT, "follow": FOLLOW}
 LENGTHS = 20.0  # body lengths of the larger one: at so much an unknown danger is noticed
 PLANE, AIR, WATER = range(3)  # media, in the order of `flockbrush.behaviours.species.MEDIA`
-NO_LIMIT = 1e6  # m/s, m/s², rad/s of a species that nobody has described
+NO_LIMIT = 1e6  # m/s, m/s², rad/s of a species without a file
 SOLITARY = -1  # of `SpeciesTable.kin`
-STEEPEST = WalkSpec().steepest  # slope on which a species walks that nobody has described
+STEEPEST = WalkSpec().steepest  # slope on which a species without a file walks
 
 
 class SpeciesTable(NamedTuple):
     """What species are, by index."""
 
     known: np.ndarray  # (s,) bool, whether there is a file of it; others may do anything
-    kin: np.ndarray  # (s,) int32, the same number for those who keep together; `SOLITARY` for those who do not
+    kin: np.ndarray  # (s,) int32, the same number for species that keep together; `SOLITARY` for others
     media: np.ndarray  # (s, 3) bool: walk, fly, swim
     speed: np.ndarray  # (s, 3) m/s in each medium
     flee: np.ndarray  # (s, 3) m/s in full fear
@@ -36,7 +36,7 @@ class SpeciesTable(NamedTuple):
     view: np.ndarray  # (s,) rad, full field of view of the eyes
     eyes: np.ndarray  # (s,) height of the eyes, body lengths
     calm: np.ndarray  # (s,) s
-    ignore: np.ndarray  # (s, s) bool, who does not even give way to whom
+    ignore: np.ndarray  # (s, s) bool, the row does not give way to the column
 
 
 class Relations(NamedTuple):
@@ -45,7 +45,7 @@ class Relations(NamedTuple):
     verb: np.ndarray  # (2 s, 2 s) uint8, `NOTHING`, `FEAR`, `HUNT` or `FOLLOW`
     weight: np.ndarray  # (2 s, 2 s) 0 to 1
     notice: np.ndarray  # (2 s, 2 s) m; below 0: in body lengths of the larger one
-    prey: np.ndarray  # (2 s, 2 s) bool, whom the models that hunt go for
+    prey: np.ndarray  # (2 s, 2 s) bool, prey of the models that hunt
     removes: np.ndarray  # (s, s) bool, a catch takes the prey out of the world
 
 

@@ -77,7 +77,7 @@ class WantedFlight(NamedTuple):
     acceleration: np.ndarray  # (n, 3) m/s^2
     velocity: np.ndarray  # (n, 3) m/s
     direction: np.ndarray  # (n, 3) unit vectors
-    transit: np.ndarray  # (n,) 0 for those who neither land nor take off
+    transit: np.ndarray  # (n,) 0 for animals that neither land nor take off
 
 
 @step

@@ -16,8 +16,8 @@ import numpy as np
 from numba import njit
 
 A_CELL = 5.0  # animals in a cell, about: fewer make more cells to visit, more make more animals to pass over
-EMPTY = 8.0  # so many columns with nobody in them may be left out, where they are more than anybody sees,
-BETWEEN = 2  # except for these: by cells nobody is farther away than in truth
+EMPTY = 8.0  # so many empty columns may be left out, if they are wider than any range of sight,
+BETWEEN = 2  # except for these: no animal is farther away by cells than in truth
 
 
 class Cells(NamedTuple):

@@ -315,7 +315,7 @@ class FlightTrial(NamedTuple):
     most: int  # frames
     hold: int  # frames for which everybody keeps its place in the end
     step: int  # frames between positions that are kept; 0: none
-    reach: float  # wingspans: nobody perceives anybody farther away
+    reach: float  # wingspans: the range of perception
 
 
 def initiate(x, y, heading, target, rules=None, most=6000, hold=60, step=0, reach=np.inf) -> Initiation:

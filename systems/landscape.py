@@ -104,7 +104,7 @@ class Landscape:
     above: Above | None = None
     native: Native | None = None
     marks: MapMarks = field(default_factory=MapMarks)  # zones, lines and areas
-    sheets: Sheets = field(default_factory=Sheets)  # zones and layers by whom they bind
+    sheets: Sheets = field(default_factory=Sheets)  # zones and layers by the species that they bind
     stale: int | None = None  # the tick of the last change that the navigation field does not know yet
     _known: tuple | None = None  # what the navigation field was made of
     slope_limits: tuple = (STEEPEST,)  # rise per metre; the navigation field is for animals with these, on hills

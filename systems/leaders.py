@@ -32,7 +32,7 @@ from flockbrush.systems.undo import need, need_entities, rows_of
 from numba import njit
 
 ARRIVED = 1.0  # body lengths from the place where it is sent: there a steered animal stops being steered
-WALK = 1.0  # body lengths per second: slower brushes hold nobody back that is steered
+WALK = 1.0  # body lengths per second: slower brushes do not slow steered animals
 STAND = 1e-6  # m/s: standing animals keep their heading
 WIDEST = 2.7  # rad to the side of the heading that are asked for: what is straight behind has no side
 KINDS = {"free": NOWHERE, "direction": DIRECTION, "place": POINT}
@@ -130,7 +130,7 @@ def arrive(world):
     if not len(rows):
         return
     length, way, (slowest, turn, most) = agents[Body.length][rows], _way_to(world, rows), _limits(world, rows)
-    circle = np.maximum(slowest / turn, slowest**2 / most)  # whoever cannot stand goes round a place in it for ever
+    circle = np.maximum(slowest / turn, slowest**2 / most)  # animals that cannot stand circle round their place
     there = rows[np.sqrt((way * way).sum(axis=1)) <= np.maximum(ARRIVED * length, circle)]
     agents[Leading.kind][there] = NOWHERE
     agents[Leading.target][there] = 0.0

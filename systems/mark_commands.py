@@ -39,7 +39,7 @@ class DrawZone(OfThing):
     blend: float = 0.5  # s to take the brush up
     event: str = ""  # raised when an animal enters
     event_reach: float = 0.0  # m; 0: the animal that entered hears it; -1: all do
-    species: str = ""  # names or tags whom its brush binds, with commas; "": those it is made for
+    species: str = ""  # names or tags that its brush binds, with commas; "": those it is made for
     medium: str = "brush"
     z_min: float = -NO_LIMIT  # m above the ground
     z_max: float = NO_LIMIT  # m above the ground
@@ -164,7 +164,7 @@ class PlaceKey(OfThing):
             for _, key in sorted((entry for entry in waiting if clock.tick <= entry[0] <= due), key=itemgetter(0)):
                 if key.id == self.id:
                     break
-                with suppress(ValueError, LookupError):  # whatever is wrong with it is told when it is due
+                with suppress(ValueError, LookupError):  # its mistakes are reported when it is due
                     foreseen(world, from_record(key.command, key.args))
             foreseen(world, from_record(self.command, self.given()))
 

@@ -66,7 +66,7 @@ class Zone:
     blend: float  # s
     event: str = ""  # raised when somebody comes in
     event_reach: float = 0.0  # m from there; 0: it alone hears it; below 0: all do
-    bounds: PaintBounds = PaintBounds()  # whom its brush binds
+    bounds: PaintBounds = PaintBounds()  # species that its brush binds
 
     @classmethod
     def of(cls, number, name, polygon, properties):

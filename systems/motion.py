@@ -34,7 +34,7 @@ from numba import njit
 
 STANDING = 1e-6  # m: more than rounding adds up to
 STEEP = 0.2  # length of the level part of a heading of a landing bird, at least
-FALL, SETTLE = 4.0, 0.3  # m/s at which those who walk come down to the ground, from high up and at last
+FALL, SETTLE = 4.0, 0.3  # m/s at which walkers come down to the ground, from high up and at last
 
 
 class Move(System):
@@ -103,8 +103,8 @@ def _fly(world, near, max_turn, top):
     agents, land, palette = world.agents, world.resource(Landscape), world.resource(Palette)
     order = np.flatnonzero(near.aloft)
     table, species = world.resource(SpeciesList).table, agents[Species.index]
-    climb = np.where(table.known[species], table.climb[species], np.inf)  # who is not described has no limits
-    cap = np.maximum(agents[Ground.cap], table.slowest[species])  # nobody is held below the speed at which he flies
+    climb = np.where(table.known[species], table.climb[species], np.inf)  # species without a file have no limits
+    cap = np.maximum(agents[Ground.cap], table.slowest[species])  # caps do not go below the lowest speed of flight
     limits = FlightLimits(
         palette.flight, agents[BrushBinding.brush], max_turn, climb, agents[Speed.target], np.minimum(cap, top)
     )
@@ -151,7 +151,7 @@ def _go(lo, hi, order, row, going, dt, heights, xyz, velocity, forward):
         x, y = on_the_map_(xyz[i, 0] + step[s, 0], xyz[i, 1] + step[s, 1], heights.wrap)
         rise = 0.0 if flat else height_of_ground(heights, x, y) - below
         above = xyz[i, 2] - below
-        if abs(above) > STANDING:  # nobody stands in the air, nor in the ground
+        if abs(above) > STANDING:  # walkers stand on the ground
             rise -= min(above, max(SETTLE, min(FALL, 1.5 * above)) * dt)
         velocity[i, 2] = rise / dt
         xyz[i, 0], xyz[i, 1] = x, y

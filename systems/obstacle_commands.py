@@ -54,7 +54,7 @@ class AddObstacle:
     solid: bool = True
     blocks_view: bool = True
     id: int = 0  # of the object in the level file; 0: it is in none
-    margin: float = 0.0  # m, kept free around it by those who follow a field
+    margin: float = 0.0  # m, kept free around it by animals that follow a field
     at: int = -1  # where in the order of obstacles; -1: behind all others
     z_min: float | None = None  # m above the ground; animals on the ground pass below what begins higher
     z_max: float | None = None  # m above the ground
@@ -373,7 +373,7 @@ def advance(world, land, glide, clock):
         for b in barriers:
             if b.solid and b.on_the_ground:
                 evict(world, b)
-    except ValueError:  # somebody stands there who has no room to step aside: wait
+    except ValueError:  # an animal there has no room to step aside: wait
         for b in barriers:
             land.shift(b, -step)
         return

@@ -32,7 +32,7 @@ from flockbrush.systems.terrain import slope_factor_
 from numba import njit
 
 COMPANY = 4.0  # body lengths within which neighbours are imitated
-CRAWL = 0.02  # of the mean: who walks is never slower, since 0 is to stand
+CRAWL = 0.02  # of the mean: the slowest walk, because 0 is standing
 # over the ground, of what a herd does together: places 30 body lengths apart are half alike, 60 hardly at all
 WAVES = np.array([  # rad/BL
     (0.0383, 0.0000), (-0.0620, 0.0568), (0.0011, -0.0128), (0.0331, 0.0432),

@@ -22,7 +22,7 @@ from flockbrush.systems.undo import need
 LAYERS = ("brush", "cap", "surface")
 FASTEST = 1000.0  # m/s, as much as a level's cap may be
 NATIVE_NAME = None  # of a surface: as the level was read
-TOUCHING = 1e-6  # m: who leans on a wall is not in it
+TOUCHING = 1e-6  # m: animals that lean on a wall are not in it
 
 
 def painted(land, layer):

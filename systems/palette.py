@@ -240,7 +240,7 @@ class Palette:
         self.sight = column(lambda b: SIGHTS.index(b.vision.sight)).astype(np.int64)
         self.neighbours = column(lambda b: b.vision.neighbours).astype(np.int64)
         self.chooses = bool((self.sight > SIGHTS.index("metric")).any())
-        self.bodiless = np.isin(self.sight, [SIGHTS.index("metric"), SIGHTS.index("hidden_points")])  # hide nobody
+        self.bodiless = np.isin(self.sight, [SIGHTS.index("metric"), SIGHTS.index("hidden_points")])  # hide no animal
         self.sees_through = column(lambda b: not b.vision.occlusion).astype(np.uint8)
         self.sees_through |= self.bodiless.astype(np.uint8)
         # by_density as one table: rows of (density per square body length, factor), closed on both sides

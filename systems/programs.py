@@ -319,7 +319,7 @@ def enrol(world, entities, name):
     if "before" in compiled.needs:
         agents[ProgramState.before][rows] = agents[Velocity.xyz][rows]
     land = world.resource(Landscape)
-    for slot, part in enumerate(compiled.memories):  # who is born in a region does not enter it
+    for slot, part in enumerate(compiled.memories):  # animals born in a region do not enter it
         what, *names = part.memory()
         if what == "region":
             inside = in_region(names[0], agents[Position.xyz][rows], land)

@@ -100,7 +100,7 @@ class FindNeighbours(System):
             near.space = sort_in_space(agents[Position.xyz], agents[Heading.forward], flyers, reach, land.wrap)
         size = agents[Body.axis] + agents[Body.radius]
         reach = float(agents[Vision.range][walkers].max(initial=0.0)) or 1.0
-        if land.wrap and len(agents):  # who touches across the seam is seen there too, at twice the present speed
+        if land.wrap and len(agents):  # bodies that touch across the seam are seen too, at twice the speed
             ahead = 8.0 * world.resource(Clock).dt * float(agents[Speed.target][walkers].max(initial=0.0))
             reach = max(reach, 3.0 * float(size[walkers].max(initial=0.0)) + ahead)
         near.ghosts = reach if land.wrap else np.inf

@@ -29,11 +29,11 @@ class FreeGround(NamedTuple):
     """Where bodies may stand."""
 
     edges: Edges  # of obstacles
-    blocked: np.ndarray  # (ny, nx) bool: cells in which nobody can stand
+    blocked: np.ndarray  # (ny, nx) bool: impassable cells
     cell: float  # m
-    points: np.ndarray  # (m, 2) m: corners of polygons in which nobody may stand; cells may be coarser than an obstacle
+    points: np.ndarray  # (m, 2) m: corners of solid polygons; cells may be coarser than an obstacle
     first: np.ndarray  # (k + 1,) of these points, by polygon
-    bounds: tuple[float, float, float, float]  # m: west, south, east, north; nobody stands outside
+    bounds: tuple[float, float, float, float]  # m: west, south, east, north; no animal stands outside
 
 
 class Capsules(NamedTuple):
@@ -55,7 +55,7 @@ class Newborns(NamedTuple):
     half: np.ndarray  # (count,) m
     radius: np.ndarray  # (count,) m
     heading: float  # radians; nan: each its own
-    inner: float  # radius of the hole over that of the disc, of those who turn about a middle; else nan
+    inner: float  # radius of the hole over that of the disc, of herds that turn about a middle; else nan
     spots: np.ndarray  # (s, 2) m: places to stand, in order; none: at random
     key: np.uint64
 
@@ -76,7 +76,7 @@ def free_ground(edges, blocked, cell, polygons=(), bounds=(-np.inf, -np.inf, np.
     return FreeGround(edges, blocked, float(cell), points, first, tuple(map(float, bounds)))
 
 
-INNER = {"ring": 0.4, "mill": 0.0}  # radius of the hole over that of the disc, of those who turn about a middle
+INNER = {"ring": 0.4, "mill": 0.0}  # radius of the hole over that of the disc, of herds that turn about a middle
 
 
 def place(polygon, count, length, radius, heading, formation, key, ground, others=None):

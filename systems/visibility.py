@@ -43,7 +43,7 @@ class Found(NamedTuple):
     cells: Any  # the herd as it was: `Cells`, or a `Space`
     seen: np.ndarray  # int32 slots; those that row i sees are ``seen[begin[slot[i]]:][:count[i]]``
     begin: np.ndarray  # (slots,) int64
-    count: np.ndarray  # type: ignore[assignment]  # (n,) int64, by row; 0 for who is in no cell
+    count: np.ndarray  # type: ignore[assignment]  # (n,) int64, by row; 0 for animals in no cell
 
 
 class Edges(NamedTuple):

@@ -37,10 +37,10 @@ class FormingRules(NamedTuple):
     separation: bool = True  # the separation drive
     ahead_only: bool = True  # only birds ahead may become references
     loyal: bool = True  # a reference is kept; without, the nearest visible one is chosen every frame
-    signed_gain: bool = True  # K is negative for who must fall back
-    homing: bool = True  # who has no reference turns to the track, and waits when ahead of the leader
-    capacity: bool = True  # an arm has as many places as the target's; who is beyond goes to the other
-    onward: float = np.pi / 4  # radians: nobody means to fly farther off the track; π: the paper
+    signed_gain: bool = True  # K is negative for birds that must fall back
+    homing: bool = True  # birds without reference turn to the track, and wait ahead of the leader
+    capacity: bool = True  # an arm has as many places as the target's; birds beyond go to the other
+    onward: float = np.pi / 4  # radians, largest wished angle to the track; π: the paper
     apart: bool = True  # birds on a course for one another part in height
     margin: float = 1.1  # wingspans: nearer approaches are parted
     foresight: float = 12.0  # frames ahead in which approaches are seen
@@ -131,7 +131,7 @@ def part_in_height(x, y, z, heading, speed, rules, climb):
                 now = dx * dx + dy * dy
                 if now < rules.margin * rules.margin:
                     rate = max(rate, 0.5 * (np.sqrt(rules.margin * rules.margin - now) - abs(dz)))
-                if dz < 0.0 or (dz == 0.0 and i > j):  # who is higher climbs; of two level ones the later
+                if dz < 0.0 or (dz == 0.0 and i > j):  # the higher bird climbs; of two level ones the later
                     up = max(up, rate)
                 else:
                     down = max(down, rate)

@@ -91,7 +91,7 @@ class Crossing:
         self.start[before.order], self.end[after.order] = start, end
         was, is_now = np.empty(n, np.int64), np.empty(n, np.int64)
         was[before.order], is_now[after.order] = np.arange(n) - before.left, np.arange(n) - after.left
-        self.birds = np.flatnonzero(np.sign(was) != np.sign(is_now))  # (m,); who changes sides
+        self.birds = np.flatnonzero(np.sign(was) != np.sign(is_now))  # (m,); birds that change sides
         self.dip = np.zeros(n)
         for bird in self.birds.tolist():
             self.dip[bird] = self._depth(bird)

@@ -92,7 +92,7 @@ def _along(arm, count, outliers):
     """(place on the animated arm, bird) pairs, in order outwards."""
     if not arm or not count:
         return []
-    if count < len(arm):  # first the ends, then who is special, then the rest from the leader outwards
+    if count < len(arm):  # first the ends, then special birds, then the rest from the leader outwards
         rank = sorted(range(len(arm)), key=lambda k: (k not in (0, len(arm) - 1), arm[k] not in outliers, k))
         sample = sorted(rank[:count])
         return list(enumerate(arm[k] for k in sample))

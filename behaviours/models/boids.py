@@ -214,7 +214,7 @@ class WishColumns(NamedTuple):
     pace: Any
     acceleration: Any
     asked: Any  # by urge
-    tells: int  # 0: nobody wants to know what is asked
+    tells: int  # 0: reasons are not recorded
 
 
 class Given(NamedTuple):

@@ -221,7 +221,7 @@ class HerdState(NamedTuple):
 
     forward: Any  # (n, 3) unit headings
     length: Any  # (n,) m
-    species: Any  # (n,) int32, the same for those who keep together
+    species: Any  # (n,) int32, the same for animals that keep together
     leader: Any  # (n,)
     memory: Any  # (n, 2) m, from the animal to where it last saw others
     known: Any  # (n,) 1 where there is such a memory
@@ -411,7 +411,7 @@ def _social_forces(n, fx, fy, weight, radial, angular, column, step):
 
     One gives way to other kinds, and does not join them; d u of eqs. 4 and 5 is the offset itself.
     """
-    for c in range(5):  # behind the last stands nobody
+    for c in range(5):  # no neighbours behind the last
         store(column, c * step + n, splat8(0.0))
     vx = vy = cx = cy = ax = ay = splat8(0.0)
     for q in range(0, n, EIGHT):

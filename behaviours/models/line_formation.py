@@ -109,7 +109,7 @@ class InFormation(NamedTuple):
 
     reference: np.ndarray  # (n,) row of the reference bird, -1 for none
     place: np.ndarray  # (n,) 0 leads, -1 open
-    offset: np.ndarray  # (n, 2) m, right of and ahead of the reference bird; who leads: east and north to those it lost
+    offset: np.ndarray  # (n, 2) m, right of and ahead of the reference bird; of leaders: east, north to lost birds
     track: np.ndarray  # (n, 2) unit vectors; (0, 0): in no flock
     climb: np.ndarray  # (n,) m/s
     wind: np.ndarray  # (n, 3) m/s that blows at the bird
@@ -151,7 +151,7 @@ def steer(scene, rows, p):
     k, n = len(rows), len(scene.ids)
     direction, velocity = np.zeros((k, 3)), np.zeros((k, 3))
     air, known = air_of(scene), scene.formation
-    if known is None:  # nobody has looked yet
+    if known is None:  # not looked up yet
         known = frozen(
             InFormation(
                 np.full(n, -1),
@@ -205,7 +205,7 @@ def _steer(lo, hi, rows, dt, birds, known, air, rules, wings, wishes):
         ux, uy = track[i, 0], track[i, 1]
         rise, turn = climb[i], 0.0
         j = reference[i]
-        if place[i] == 0 or (ux == 0.0 and uy == 0.0):  # who leads, and who is in no flock yet
+        if place[i] == 0 or (ux == 0.0 and uy == 0.0):  # leaders, and birds in no flock yet
             gx, gy, gz = fx, fy, 0.0
             wanted = rules.cruise
             if bound[i] > 0:

@@ -175,7 +175,7 @@ def _force(i, animals, others, walls, forces, near):
         kin += same
         near[0, at - first], near[1, at - first] = per * others.offset[at, 0], per * others.offset[at, 1]
         near[2, at - first] = 1.0 if same else 0.0
-    near[:, last - first : last - first + EIGHT] = 0.0  # behind the last stands nobody
+    near[:, last - first : last - first + EIGHT] = 0.0  # no neighbours behind the last
     rx, ry, ax, ay = _decayed_sums(
         pointer(near), near.shape[1], last - first, forces.per_repulsion, forces.per_attraction
     )

@@ -21,7 +21,7 @@ class ShareOfSeenIn(Condition):
         flags = np.zeros(len(senses.ids), np.uint8)
         for state in self.share_of_seen_in:
             flags |= senses.in_state(state)
-        if not flags.any():  # then at least a share above 0 of nobody
+        if not flags.any():  # a share above 0 of no animals does not hold
             return np.zeros(len(rows), bool)
         visible = count_seen(senses, rows, self.species, self.within)
         some = count_seen(senses, rows, self.species, self.within, flags)

@@ -24,7 +24,7 @@ class Flights(NamedTuple):
     """What became of many flocks; lengths in wingspans, positions in the frame that flies with the flock."""
 
     xyz: np.ndarray  # (flocks, birds, 3) at the end: to the right, along the way, up
-    steps: np.ndarray  # (flocks,) until nobody moved any more; the number of steps flown where that never came
+    steps: np.ndarray  # (flocks,) until no bird moved; all steps if that was not reached
     settled: np.ndarray  # (flocks,) whether it came
     series: np.ndarray  # (flocks, moments, birds, 3) on the way, if asked for
 

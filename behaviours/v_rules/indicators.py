@@ -20,9 +20,9 @@ LINES = 64  # straight lines counted in one flock at most
 class Indicators(NamedTuple):
     """One value for each flock; distances in wingspans, NaN where a flock has no straight line."""
 
-    leads: np.ndarray  # birds in nobody's upwash
+    leads: np.ndarray  # birds in no other bird's upwash
     groups: np.ndarray  # sets of birds that no upwash connects
-    segments: np.ndarray  # straight lines, from a bird that nobody follows to a lead or to one whom two follow
+    segments: np.ndarray  # straight lines, from a bird without followers to a lead or to one with two followers
     distance: np.ndarray  # mean from each bird to its nearest line; leads and bifurcations: to the nearest two
     own_distance: np.ndarray  # the same, to lines of the bird's own group only
     shape: np.ndarray  # index into SHAPES

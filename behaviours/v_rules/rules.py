@@ -178,7 +178,7 @@ def wish(law, i, n, x, y, z, by_x, chance):
     """
     j = nearest_ahead(law, i, n, x, y, z)
     if j < 0:
-        return 0.0, 0.0, 0.0  # nobody to join: it leads
+        return 0.0, 0.0, 0.0  # no bird to join: it leads
     dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
     if dy > law.depth or abs(dx) > law.outer or abs(dz) > law.layer:
         return _approach(law, dx, dy, dz, chance)  # rule 1

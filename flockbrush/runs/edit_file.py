@@ -102,7 +102,7 @@ class EditFile(UndoStack):
         if edit.end <= edit.start:
             raise ValueError(f"the end must be later than the start at {edit.start:g} s, got {edit.end:g} s")
         if max(map(abs, edit.by)) > FARTHEST:
-            raise ValueError(f"nobody can be moved by more than {FARTHEST:g} m")
+            raise ValueError(f"animals can be moved by at most {FARTHEST:g} m")
         changes = [name for name in USES[edit.kind] if name not in HOW]
         if changes and all(getattr(edit, name) == getattr(Edit, name) for name in changes):
             raise ValueError(f"this changes nothing: give {' or '.join(changes)} another value")
