@@ -205,11 +205,12 @@ def _head(done):
     return [
         "# Brushes learned from tracks of real animals", "",
         _prose(
-            "This page is written by `python benchmarks/learning.py tracks --data DIR --write`, from open data that "
-            "are not part of Flockbrush. Each brush is judged by frames or recordings that it was not learned from, "
-            "with the [measures of the report](learning.md#the-report). The figures are of "
-            f"{' and '.join(dates)}; other versions learn other brushes. Those of {' and '.join(SHIPPED)} are of the "
-            "brushes that come with Flockbrush, which an earlier version learned."
+            "How well do brushes learned from the tracks of real animals move? This page compares simulated herds with "
+            "open data that are not part of Flockbrush; [tracks](tracks.md) says how to learn from your own. Each brush "
+            "is judged by frames or recordings that it was not learned from, with the [measures of the "
+            "report](learning.md#the-report). `python benchmarks/learning.py tracks --data DIR --write` writes the page. "
+            f"The figures are of {' and '.join(dates)}; other versions learn other brushes. "
+            f"{' and '.join(SHIPPED)} are the shipped brushes, which an earlier version learned."
         ), "",
         _prose(
             "The table shows the distance of a simulated herd from the tracks: the root mean square of the differences "
@@ -217,7 +218,7 @@ def _head(done):
             "are left out. *Constant velocity* means that all animals keep their velocity, *standing still* that none "
             "moves. In the other tables *tracks* and *simulated* are means over the held-out parts and, for distances, "
             "speeds and turns, over quantiles; *difference* is the root mean square over the parts of the mean "
-            "difference of the quantiles, so it may be larger than that of the two columns."
+            "difference of the quantiles, so it may be larger than the difference of the two columns."
         ), "",
     ]  # fmt: skip
 
