@@ -206,10 +206,10 @@ def _head(done):
         "# Brushes learned from tracks of real animals", "",
         _prose(
             "How well do brushes learned from the tracks of real animals move? This page compares simulated herds with "
-            "open data that are not part of Flockbrush; [tracks](tracks.md) says how to learn from your own. Each brush "
-            "is judged by frames or recordings that it was not learned from, with the [measures of the "
-            "report](learning.md#the-report). `python benchmarks/learning.py tracks --data DIR --write` writes the page. "
-            f"The figures are of {' and '.join(dates)}; other versions learn other brushes. "
+            "open data that are not part of Flockbrush; [tracks](tracks.md) says how to learn from your own. Each "
+            "brush is judged by frames or recordings that it was not learned from, with the [measures of the "
+            "report](learning.md#the-report). `python benchmarks/learning.py tracks --data DIR --write` writes the "
+            f"page. The figures are of {' and '.join(dates)}; other versions learn other brushes. "
             f"{' and '.join(SHIPPED)} are the shipped brushes, which an earlier version learned."
         ), "",
         _prose(
