@@ -249,7 +249,7 @@ def read_condition(value: Any, where: Key = (), depth: int = 0) -> tuple[Conditi
     if not kind.inner:
         made, mistakes = validated(kind, value, where)
         if made is not None:
-            _check_told(made)
+            _check_answers(made)
         return made, mistakes
     others = [word for word in value if word != words[0]]
     if others:
@@ -257,7 +257,7 @@ def read_condition(value: Any, where: Key = (), depth: int = 0) -> tuple[Conditi
     return _read_inner(kind, words[0], value[words[0]], where + (words[0],), depth)
 
 
-def _check_told(condition):
+def _check_answers(condition):
     """Ask a condition what programs ask it later, and name it where it fails."""
     with blaming("condition", condition.word, type(condition).__module__):
         hash(condition.memory())
