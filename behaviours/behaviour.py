@@ -57,13 +57,13 @@ def quantity(
     return Field(default, ge=low, le=high, description=meaning, json_schema_extra=extra, **more)
 
 
-def who_is_guided(default: str, meaning: str):
+def guided_parameter(default: str, meaning: str):
     """The parameter ``guided`` of a model that follows guides, a `Guided`; ``meaning`` ends its line."""
     text = f"which animals follow a guide: {meaning}"
     return Field(default=default, description=text, json_schema_extra={"unit": "-"})
 
 
-def share_guided():
+def guided_share_parameter():
     """The parameter ``guided_share`` of a model that follows guides."""
     return quantity(0.1, "1", "share of animals that follow a guide if `guided` is share", 0, 1)
 
@@ -145,7 +145,7 @@ class NoticedLists(NamedTuple):
     notice: np.ndarray  # (m,) m, within which it is noticed
 
 
-def nobody_noticed(n) -> NoticedLists:
+def empty_noticed_lists(n) -> NoticedLists:
     """The lists of n animals that notice no other."""
     none = np.zeros(0)
     first, offset = np.zeros(n + 1, np.int64), none.reshape(0, 3)
@@ -282,11 +282,11 @@ def flock_of(scene: Scene, air: Air) -> FlockBySlot:
     bird[n:, :3], bird[n:, 3:6], bird[n:, 6] = air.offset, scene.velocity[air.near], scene.species[air.near]
     slot, neighbours = np.arange(n, dtype=np.int32), np.arange(n, len(bird), dtype=np.int32)
     begin = np.zeros(len(bird), np.int64)
-    seen, begin[:n] = filled_up(neighbours, count, slot)
+    seen, begin[:n] = padded_lists(neighbours, count, slot)
     return frozen(FlockBySlot(slot, begin, count, seen, bird))
 
 
-def filled_up(lists: np.ndarray, count: np.ndarray, other: np.ndarray):
+def padded_lists(lists: np.ndarray, count: np.ndarray, other: np.ndarray):
     """Lists that follow one another, (m,), each filled up to eight in full with what is ``other`` to it, (n,).
 
     Returns them, with sixteen more numbers behind them, and where each of them begins.

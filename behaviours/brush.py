@@ -98,7 +98,7 @@ class Brush(FileSpec):
             params = _params_of(str(data.get("model")))
             data["params"] = params.model_validate(data.pop("parameters"), strict=True)
         if "body" not in data:
-            data["body"] = usual_body(data.get("made_for") or ())
+            data["body"] = default_body(data.get("made_for") or ())
         drives = data.get("drives") or {}
         if isinstance(drives, dict):
             known = _drives()
@@ -110,7 +110,7 @@ class Brush(FileSpec):
     @property
     def has_own_body(self) -> bool:
         """Whether its body is its own, and stands for that of the species it moves."""
-        return self.body != usual_body(self.made_for)
+        return self.body != default_body(self.made_for)
 
     def is_made_for(self, species: str, tags: Iterable[str] = ()) -> bool:
         """Whether paint of it binds a species."""
@@ -157,7 +157,7 @@ class Brush(FileSpec):
         return hash((self.name, self.model, self.colour))
 
 
-def usual_body(made_for: Iterable[str], library: SpeciesLibrary | None = None) -> BodySpec:
+def default_body(made_for: Iterable[str], library: SpeciesLibrary | None = None) -> BodySpec:
     """The body of the first species that is named, a shipped one or of a library, or one metre of anything."""
     library = shipped_species() if library is None else library
     for name in made_for if isinstance(made_for, (list, tuple)) else ():

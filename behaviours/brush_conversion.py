@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from flockbrush.behaviours.brush import Brush, flies_free, load_brush, usual_body
+from flockbrush.behaviours.brush import Brush, default_body, flies_free, load_brush
 from flockbrush.behaviours.brush_writer import toml_value
 from flockbrush.behaviours.species import SUFFIX, BodySpec, SpeciesLibrary, load_species
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
@@ -55,7 +55,7 @@ def convert(source: bytes, file: str, library: SpeciesLibrary, species: str = ""
     if not species_names:
         new, species_names = species_for(brush), (brush.name,)
         load_species(new.encode(), f"{brush.name}{SUFFIX}")  # what is written can be read
-    body = usual_body(species_names)
+    body = default_body(species_names)
     keeps_body = brush.body != body and not species and not new
     text = text if keeps_body else _SECTION.sub("", text, count=1)
     text = _with_made_for(text, species_names)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from flockbrush.behaviours.tomlfile import TomlFile, parse_toml, read_bytes
-from flockbrush.engine.file_formats import misfit
+from flockbrush.engine.file_formats import format_error
 from flockbrush.engine.problems import Problem, ProblemsError
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
@@ -38,7 +38,7 @@ def check_schema(toml: TomlFile, schema: str, needed: bool = True) -> dict[str, 
     if given is None:
         message = f'is missing; a {kind} starts with: schema = "{schema}"'
         raise ProblemsError([Problem(toml.name, 1, "schema", message)])
-    if wrong := misfit(given, schema):
+    if wrong := format_error(given, schema):
         raise ProblemsError([toml.problem(("schema",), wrong)])
     return document
 

@@ -34,7 +34,7 @@ class TomlFile:
 
     def problem(self, key: Key, message: str) -> Problem:
         """A problem with the value at ``key``."""
-        return Problem(self.name, self.line(key), spelled(key) or None, message)
+        return Problem(self.name, self.line(key), key_text(key) or None, message)
 
     def unknown_names(self, key: Key, table: Iterable[str], names: Collection[str]) -> list[Problem]:
         """Problems with the names of a table that are not among these."""
@@ -47,7 +47,7 @@ def is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def spelled(key: Key) -> str:
+def key_text(key: Key) -> str:
     """A key as a person would write it: ``speed.by_density[2]``."""
     text = ""
     for part in key:

@@ -194,7 +194,7 @@ def answer(condition: Condition, senses: Senses, rows: np.ndarray, question: str
         raise TypeError(f"condition {condition.word!r}: {must}, got {got}")
 
 
-def given(default, meaning: str, **bounds):
+def field(default, meaning: str, **bounds):
     """A field of a condition with one line of meaning; the docs row comes from it."""
     return Field(default, description=meaning, **bounds)
 

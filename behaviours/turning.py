@@ -25,14 +25,14 @@ class InView(NamedTuple):
         return cls(who, scene.offset[seen] / length, kin, scene.obstacle_offset[walls] / length)
 
 
-def guide_of(scene, row: int, weight: float) -> dict[str, np.ndarray]:
+def guide_force(scene, row: int, weight: float) -> dict[str, np.ndarray]:
     """The force of a guide on an animal that follows it, {"guide": (2,)}; {} where none is."""
     guidance = scene.guidance[row]
     size = float(np.hypot(*guidance))
     return {"guide": weight * guidance / size} if scene.leader[row] and size > 1e-6 else {}
 
 
-def reasons_of_turn(forward, forces, per_force: float, most: float) -> dict[str, np.ndarray]:
+def turn_contributions(forward, forces, per_force: float, most: float) -> dict[str, np.ndarray]:
     """What the next heading is the sum of: what is left of the old one, and what each force adds, {reason: (2,)}.
 
     Parameters
@@ -55,7 +55,7 @@ def reasons_of_turn(forward, forces, per_force: float, most: float) -> dict[str,
     return reasons
 
 
-def decayed(offset, reach: float) -> np.ndarray:
+def decaying_sum(offset, reach: float) -> np.ndarray:
     """The sum (2,) of unit vectors to ``offset`` (n, 2), each e times shorter for each ``reach`` of distance."""
     far = np.hypot(*offset.T)
     there = far > 0

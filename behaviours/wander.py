@@ -33,13 +33,13 @@ STREAM, LASTING = "wander", "wander that lasts"
 HALF_PI = 0.5 * math.pi
 
 
-def how_far(default: float, more: str = ""):
+def wander_parameter(default: float, more: str = ""):
     """The parameter ``wander`` of a model."""
     text = f"random turning: standard deviation of the heading after 1 s{more}"
     return quantity(default, "rad/√s", text, 0, 10, chance=True)
 
 
-def how_long():
+def wander_time_parameter():
     """The parameter ``wander_time`` of a model."""
     text = "time for which a random turn goes on; up to the length of a tick: each tick has its own"
     return quantity(0.0, "s", text, 0, 10, chance=True)
@@ -80,7 +80,7 @@ def _risen(y):
     return sincos_(HALF_PI * min(max(y, -1.0), 1.0))[0]
 
 
-def usual_turn(wander: float, wander_time: float, dt: float) -> float:
+def rms_turn(wander: float, wander_time: float, dt: float) -> float:
     """Root mean square of a random turn in one tick, rad."""
     if wander_time < dt:
         return wander * math.sqrt(dt)
@@ -94,11 +94,11 @@ def lasting(times, wander_time: float) -> np.ndarray:
         return np.ones(times.shape)
     lag = np.linspace(0.0, 2.0, 201)
     x = times[..., None] / wander_time
-    both = 2.0 * np.trapezoid(np.maximum(x - lag, 0.0) * half_waves_alike(lag), lag, axis=-1)
+    both = 2.0 * np.trapezoid(np.maximum(x - lag, 0.0) * half_wave_correlation(lag), lag, axis=-1)
     return (np.pi / 4.0) ** 2 * both / x[..., 0]
 
 
-def half_waves_alike(lag) -> np.ndarray:
+def half_wave_correlation(lag) -> np.ndarray:
     """Correlation of a sum of half waves with itself, each of 2, one begun in each unit of time; ``lag`` in units."""
     lag = np.minimum(np.abs(lag), 2.0)
     return 0.5 * (2.0 - lag) * np.cos(HALF_PI * lag) + np.sin(HALF_PI * lag) / np.pi

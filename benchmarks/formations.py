@@ -28,7 +28,7 @@ from flockbrush.behaviours.formation.hummel import total_power
 from flockbrush.behaviours.formation.key_shapes import NoShape, solve_levenberg_marquardt
 from flockbrush.behaviours.formation.reaching import FormingRules
 from flockbrush.behaviours.formation.steady_flight import SteadyFlight
-from flockbrush.systems.initiation import initiate, scattered, target_of
+from flockbrush.systems.initiation import initiate, random_flock, target_of
 
 KINDS = "V", "U", "J", "line"
 SIZES = 9, 14, 16, 28, 41  # birds
@@ -118,7 +118,7 @@ def formed_up(kind: str, birds: int, seeds: range, reach: float, within: float =
     """Return how many flocks are in place after ``within`` wingspans of flight; ``reach`` limits perception."""
     last = round(within / FormingRules().cruise)  # frame
     goal = target_of(*textbook(kind, birds))
-    flown = [initiate(*scattered(birds, seed), goal, most=last + HOLD + 1, hold=HOLD, reach=reach) for seed in seeds]
+    flown = [initiate(*random_flock(birds, seed), goal, most=last + HOLD + 1, hold=HOLD, reach=reach) for seed in seeds]
     return sum(0 <= one.frames <= last for one in flown)
 
 

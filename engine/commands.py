@@ -106,7 +106,7 @@ def _checked(method):
     return after_check
 
 
-def places_of(cls, values):
+def place_fields(cls, values):
     """Pairs of fields of a command's class that are a place on the map, with these values, not a direction or a speed.
 
     A class says in ``place_kinds`` of which ``kind`` (x, y) is a place: all, if it says nothing.
@@ -118,7 +118,7 @@ def places_of(cls, values):
     return [pair for pair in (*pairs, ("to_x", "to_y"), ("at_x", "at_y")) if set(pair) <= set(known)]
 
 
-def usual_values(cls):
+def default_values(cls):
     """{field: value} of what a command of this class has where nothing is given."""
     values = {f.name: f.default if f.default_factory is MISSING else f.default_factory() for f in fields(cls)}
     return {name: value for name, value in values.items() if value is not MISSING}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-def newer(given: object, schema: str) -> str:
+def newer_format(given: object, schema: str) -> str:
     """What to say of a file that states a newer version of a format than the one that is read; "" of any other.
 
     Examples
@@ -20,9 +20,9 @@ def newer(given: object, schema: str) -> str:
     return f"{given!r} is of a newer Flockbrush; this one reads {schema!r}: update Flockbrush"
 
 
-def misfit(given: object, schema: str) -> str:
+def format_error(given: object, schema: str) -> str:
     """Why a file that states this format is not read; "" if it is."""
     if given == schema:
         return ""
     shown = repr(given)
-    return newer(given, schema) or f"must be {schema!r}, got {shown if len(shown) < 60 else shown[:57] + '...'}"
+    return newer_format(given, schema) or f"must be {schema!r}, got {shown if len(shown) < 60 else shown[:57] + '...'}"

@@ -251,7 +251,7 @@ def write_text(path, text: str) -> Path:
     return write_bytes(path, text.encode())
 
 
-def kept_beside(path) -> Path | None:
+def make_backup(path) -> Path | None:
     """Keep a file that is about to be replaced as ``NAME.bak``, too; where that is, None if there is no such file."""
     path = Path(path)
     if not path.is_file():

@@ -144,7 +144,7 @@ def differing_packages(recorded, current):
     ]
 
 
-def some_of(names):
+def first_names(names):
     """The first few names of many, in words."""
     more = len(names) - SHOWN
     return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")

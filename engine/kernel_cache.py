@@ -17,7 +17,7 @@ from pathlib import Path
 
 from flockbrush.engine import locks
 from flockbrush.engine.files import cache_folder, private_folder
-from flockbrush.engine.shipped_kernels import take
+from flockbrush.engine.shipped_kernels import use_shipped_kernels
 
 BESIDE = Path(__file__).with_name("__pycache__")  # what is true of this folder is true of those of other rooms
 LOCK = "flockbrush.lock"  # in each folder of kernels
@@ -45,7 +45,7 @@ def prepare(house, version) -> str:
         return ""
     installed = _place_of_installed(Path(house), version)
     if not configured and installed is not None and can_write(installed):
-        take(house, installed)
+        use_shipped_kernels(house, installed)
         _use(installed)
         return ""
     if can_write(BESIDE) or can_write(own):
@@ -56,7 +56,7 @@ def prepare(house, version) -> str:
     if place is None or not can_write(place):  # numba unpickles these files: only we may write there
         _keep_nothing()
         return f"compiled kernels cannot be stored, every start compiles them again: not writable: {tried}; {LAST}"
-    take(house, place)
+    use_shipped_kernels(house, place)
     _use(place)
     return f"compiled kernels are stored in {place}: not writable: {tried}; {LAST}"
 

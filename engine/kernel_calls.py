@@ -129,6 +129,6 @@ def _is_stored(kernel):
     return index is not None and any(key[1] == machine for key in index._load_index())
 
 
-def is_kept(kernel):
+def is_cached(kernel):
     """Whether numba stores what it compiles of a kernel."""
     return kernel._cache.cache_path is not None

@@ -16,7 +16,7 @@ from pathlib import Path
 from flockbrush.engine import limits
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.commands import Commands, to_json
-from flockbrush.engine.files import hold, kept_beside
+from flockbrush.engine.files import hold, make_backup
 from flockbrush.engine.fingerprint import package_versions
 from flockbrush.engine.keyframe_spacing import KeyframeSpacing
 from flockbrush.engine.recording_format import (
@@ -30,8 +30,8 @@ from flockbrush.engine.recording_format import (
     TRAIL,
     CommandRoom,
     RecordingError,
-    beginning,
     failed,
+    file_header,
     record,
     record_of,
 )
@@ -88,10 +88,10 @@ class Recording:
         try:
             work = hold(path)
             with open(work.new, "wb") as file:
-                file.write(beginning(FORMAT))
+                file.write(file_header(FORMAT))
                 file.write(record(HEADER, 0, head))
                 file.writelines(record(ASSET, 0, name.encode() + b"\0" + assets[name]) for name in sorted(assets))
-            earlier = kept_beside(path)
+            earlier = make_backup(path)
             work.publish()
             return cls(path, open(path, "ab"), work, earlier)
         except OSError as error:

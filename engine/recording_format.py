@@ -36,7 +36,7 @@ class RecordingError(Exception):
     """A recording cannot be written, read or replayed; ``str()`` says why."""
 
 
-def beginning(version):
+def file_header(version):
     """What a file begins with."""
     start = BEGINNING.pack(MAGIC, version, 0, 0)[:-4]
     return start + struct.pack("<I", zlib.crc32(start))

@@ -11,7 +11,7 @@ from flockbrush.engine.noise import LARGEST_SEED
 _DIGITS = frozenset("0123456789abcdef")
 
 
-def mistake_in(header) -> str | None:
+def header_error(header) -> str | None:
     """What is wrong with the header of a recording, with what would be right; None when it is sound.
 
     Keys that are not known pass: another version may have written them.

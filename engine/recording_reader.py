@@ -35,7 +35,7 @@ from flockbrush.engine.recording_format import (
     RecordingError,
     failed,
 )
-from flockbrush.engine.recording_header import mistake_in
+from flockbrush.engine.recording_header import header_error
 from flockbrush.engine.trail import TrailError, state_at
 
 LITTLE = 1 << 10  # bytes that packing may add to what cannot be packed
@@ -242,7 +242,7 @@ def _unpacked(data, packed, size):
 def _take_header(run, kind, data):
     try:
         header = json.loads(data) if kind == HEADER else None
-        mistake = mistake_in(header)
+        mistake = header_error(header)
     except (ValueError, RecursionError):
         mistake = "it is not JSON"
     if mistake:

@@ -39,7 +39,7 @@ def cache_name(folder):
     return f"{os.path.basename(path)}_{hashlib.sha1(path.encode()).hexdigest()}"
 
 
-def take(house, place):
+def use_shipped_kernels(house, place):
     """Have numba use the kernels that came with the package, if they are for this machine.
 
     Parameters

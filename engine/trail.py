@@ -128,7 +128,7 @@ def rows_in(value):
     return int(np.frombuffer(value, np.uint64, 1)[0]) if len(value) >= 8 else 0
 
 
-def sum_in(value):
+def column_sum(value):
     """The sum of the first words of a column, as a signed number."""
     return int(np.frombuffer(value, np.int64)[1]) if len(value) >= 16 else 0
 

@@ -13,7 +13,7 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.levels.carried_files import from_folder
 from flockbrush.levels.checked_nodes import parsed_document
 from flockbrush.levels.document_nodes import file_references
-from flockbrush.levels.ground_rules import suggested
+from flockbrush.levels.ground_rules import suggest_rules
 from flockbrush.levels.json_lines import JsonError
 from flockbrush.levels.level_files import DiskFiles, FileRefused, project_folder
 from flockbrush.levels.level_writer import dump, write_level
@@ -77,7 +77,9 @@ def adopt(source, output=None, metres_per_tile=1.0) -> Adoption:
     if output.parent.resolve() != source.parent.resolve():
         _move(document, source.parent.resolve(), output.parent.resolve())
     tilesets = [tileset.node for tileset in reader.tiles.tilesets]
-    rules = suggested(tilesets, [n.get("name", "") for n in _nodes(document["layers"]) if n.get("type") == "tilelayer"])
+    rules = suggest_rules(
+        tilesets, [n.get("name", "") for n in _nodes(document["layers"]) if n.get("type") == "tilelayer"]
+    )
     for entry, tileset in zip(document["tilesets"], _in_order(document["tilesets"], reader), strict=True):
         if "source" not in entry:  # how many tiles it has, where an old map leaves it out
             entry.update({key: tileset.node[key] for key in _COUNTED if key in tileset.node and key not in entry})

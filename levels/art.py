@@ -224,7 +224,7 @@ class Art:
                 continue
             x, y = ((tile[k + 1] + shift[k]) * self.side / self.tile for k in (0, 1))
             top = (row + 1) * self.side - tile[0].shape[0] + y
-            lay(canvas, tile[0], round(column * self.side + x), round(top))
+            composite(canvas, tile[0], round(column * self.side + x), round(top))
 
     def _lay_in_cells(self, canvas, picture, rows, columns):
         """Lay a tile that fills its cell into many cells."""
@@ -256,7 +256,7 @@ class Art:
         if not (0 < size[0] <= canvas.shape[1] * 2 and 0 < size[1] <= canvas.shape[0] * 2):
             return
         matrix = np.array([[kx * c, -ky * s, corners[0, 0] - left], [kx * s, ky * c, corners[0, 1] - top]])
-        lay(canvas, cv2.warpAffine(picture, matrix, size, flags=cv2.INTER_LINEAR), int(left), int(top))
+        composite(canvas, cv2.warpAffine(picture, matrix, size, flags=cv2.INTER_LINEAR), int(left), int(top))
 
     def _lay_image(self, canvas, layer):
         import cv2
@@ -269,7 +269,7 @@ class Art:
         if scale != 1:
             size = [max(1, round(length * scale)) for length in (picture.shape[1], picture.shape[0])]
             picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-        lay(canvas, faded(picture, layer), round(layer.dx * scale), round(layer.dy * scale))
+        composite(canvas, faded(picture, layer), round(layer.dx * scale), round(layer.dy * scale))
 
 
 def faded(picture, layer):
@@ -281,7 +281,7 @@ def faded(picture, layer):
     return np.round(picture * factors).astype(np.uint8)
 
 
-def lay(canvas, picture, left, top):
+def composite(canvas, picture, left, top):
     """Lay a premultiplied picture over another, cut where it leaves it."""
     y0, x0 = max(0, -top), max(0, -left)
     y1, x1 = min(picture.shape[0], canvas.shape[0] - top), min(picture.shape[1], canvas.shape[1] - left)

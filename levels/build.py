@@ -27,7 +27,7 @@ from flockbrush.engine.world import World
 from flockbrush.levels.libraries import input_files
 from flockbrush.levels.scaling import scaled
 from flockbrush.levels.schema import Level, Spawn
-from flockbrush.levels.terrain_kinds import TERRAINS, Terrain, TerrainKind, bare
+from flockbrush.levels.terrain_kinds import TERRAINS, Terrain, TerrainKind, default_terrain
 from flockbrush.systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
 from flockbrush.systems import mark_commands as _mark_commands  # noqa: F401
 from flockbrush.systems import program_commands as _program_commands
@@ -45,7 +45,7 @@ from flockbrush.systems.landscape import (
     Native,
     Painted,
 )
-from flockbrush.systems.level_lists import foreseen, rehearsal
+from flockbrush.systems.level_lists import rehearsal, rehearse
 from flockbrush.systems.life import Live, Nursery, births_due, spawn_animals
 from flockbrush.systems.marks import MapMarks
 from flockbrush.systems.motion import Move
@@ -53,7 +53,7 @@ from flockbrush.systems.noticing import BeAlarmed, Notice, Noticed
 from flockbrush.systems.pace import Pace
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import NoRoom, SpeciesList
-from flockbrush.systems.program_reports import counts, transitions
+from flockbrush.systems.program_reports import count_by_state, transitions
 from flockbrush.systems.programs import Programs, RunPrograms
 from flockbrush.systems.senses import (
     FindNeighbours,
@@ -149,7 +149,7 @@ class Simulation:
 
     def states(self):
         """{program: {state: how many animals are in it}}."""
-        return counts(self.world)
+        return count_by_state(self.world)
 
     def transitions(self):
         """{program: {from: {to: how often animals went so}}}, since the start."""
@@ -322,7 +322,7 @@ def landscape_of(level, palette):
         [replace(way_out) for way_out in level.exits],
         _farthest_view(level, palette),
         kinds=kinds,
-        of_bare=bare(),
+        of_bare=default_terrain(),
         painted=painted,
         native=native,
         marks=MapMarks(
@@ -388,7 +388,7 @@ def _queue_script(simulation, level):
             try:
                 given[k] = from_record(key.command, key.args)
                 if any(there.id == key.id for there in world.resource(Landscape).marks.keys):  # else one took it away
-                    foreseen(world, given[k])
+                    rehearse(world, given[k])
             except (ValueError, LookupError) as error:
                 where = f"object {key.id} {key.name!r} in layer 'script'"
                 problems.append(Problem(str(level.path), key.line, where, str(error.args[0] if error.args else error)))

@@ -26,7 +26,7 @@ def from_folder(name: str, before: Path, after: Path) -> str:
         return name
 
 
-def carried(names: Iterable[tuple[str, bool]], before: Path, after: Path) -> dict[str, str]:
+def renamed_files(names: Iterable[tuple[str, bool]], before: Path, after: Path) -> dict[str, str]:
     """{name: new name} of the files that a level calls otherwise when it is saved elsewhere.
 
     Parameters

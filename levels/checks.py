@@ -10,7 +10,7 @@ import numpy as np
 from flockbrush.behaviours.brush import cannot_move, cannot_rise
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.engine import limits
-from flockbrush.engine.commands import commands, places_of
+from flockbrush.engine.commands import commands, place_fields
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.levels import geometry
 from flockbrush.levels.properties import is_number, shown
@@ -261,7 +261,7 @@ class _Checks:
         """What a command wants and the properties leave out, the drawn object says: x, y, radius, points."""
         kind, points = self.objects.key_shapes[key.id]
         shape, area = {} if kind == "point" else {"points": points.tolist()}, kind == "area"
-        for pair in places_of(self.commands[key.command], key.args):
+        for pair in place_fields(self.commands[key.command], key.args):
             if area or pair == ("x", "y"):
                 shape |= dict(zip(pair, map(float, key.xy), strict=True))
         if area:

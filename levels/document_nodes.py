@@ -23,7 +23,7 @@ def values_of(node, cls):
     return values
 
 
-def without(node, cls, names):
+def properties_without(node, cls, names):
     """The properties of a node of a class but those of these names, also where one holds all of the class."""
     kept = []
     for entry in node.get("properties", []):

@@ -17,7 +17,7 @@ from typing import Any
 from flockbrush.engine.commands import from_record, to_record
 from flockbrush.engine.files import write_bytes
 from flockbrush.engine.plain_json import json_lines
-from flockbrush.levels.carried_files import carried
+from flockbrush.levels.carried_files import renamed_files
 from flockbrush.levels.document_changes import EditError, KeySet
 from flockbrush.levels.document_nodes import file_names, file_references
 from flockbrush.levels.level_files import MemoryFiles
@@ -301,7 +301,7 @@ class Editor(CommandStack):
         before, saved = self.path, self._saved
         ours = {entry["image"] for entry, _ in self.sheet.tiles.playgrounds()}
         others = [entry for entry in file_names(self._states()) if entry[0] not in ours]
-        moved = carried(others, before, to)
+        moved = renamed_files(others, before, to)
         pictures = self._pictures(to, {moved.get(name, name) for name, _ in others})
         moved |= {old: new for old, (new, _) in pictures.items() if new != old}
         self._moved(str(to), moved)

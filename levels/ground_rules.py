@@ -308,7 +308,7 @@ _MATCHES = {
 # ---------------------------------------------------------------- suggestions
 
 
-def suggested(tilesets, layers) -> list[str]:
+def suggest_rules(tilesets, layers) -> list[str]:
     """Rules that the names in a map suggest.
 
     Parameters

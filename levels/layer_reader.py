@@ -225,7 +225,7 @@ def split(layers):
     grouped, ours, others = has_group(layers), [], []
     for layer in layers:
         meant = _in_group(layer) if grouped else layer.kind == "objectgroup" or _is_ours(layer.name)
-        (ours if meant and not is_own(layer.name) else others).append(layer)
+        (ours if meant and not is_designer_layer(layer.name) else others).append(layer)
     return ours, others
 
 
@@ -238,7 +238,7 @@ def _in_group(layer):
     return layer.name.startswith(schema.GROUP + "/")
 
 
-def is_own(name):
+def is_designer_layer(name):
     """Whether a layer is the designer's own, by its name: notes, or decor that is drawn."""
     return plain_name(name).startswith(schema.IGNORED)
 
@@ -263,7 +263,7 @@ def kind_of(name):
     return next((k for k in schema.LAYER_NAMES if plain_name(name).startswith(k)), None)
 
 
-def class_at_home(thing, kind):
+def default_class(thing, kind):
     """The class of an object without one in a layer of this kind; None where the layer does not tell."""
     if kind == "measure":
         return "Line" if "polyline" in thing else "Area"

@@ -11,7 +11,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from flockbrush.engine.files import kept_beside, refused, write_bytes
+from flockbrush.engine.files import make_backup, refused, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from flockbrush.levels.checked_nodes import parsed_document
 from flockbrush.levels.document_nodes import values_of
@@ -109,7 +109,7 @@ def write_level(document: dict, path, backup=True) -> Path:
     except OSError as error:
         raise refused(path, f"cannot be read: {error.strerror or error}") from None
     if changes:
-        kept_beside(path)
+        make_backup(path)
     return write_bytes(path, data)
 
 

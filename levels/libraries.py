@@ -23,7 +23,7 @@ def brush_library(path, files=None):
     return _library_of((path.parent.resolve(), project_folder(path)), files or {})
 
 
-def library_beside(file):
+def library_for_file(file):
     """Every brush and species for the file of a brush or a program: of its folder, the one above and the shipped."""
     file = Path(file)
     here = file.parent.resolve()
@@ -67,7 +67,7 @@ def put_brush(files, name, source) -> list[str]:
     return others
 
 
-def programs_beside(file):
+def programs_for_file(file):
     """The programs that the file of one can name: of its own folder, those of its project and the shipped."""
     here = Path(file).resolve().parent
     return ProgramLibrary([*dict.fromkeys((here, *program_folders(file))), *shipped_programs().folders])

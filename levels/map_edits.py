@@ -13,7 +13,7 @@ from functools import singledispatchmethod
 
 import numpy as np
 from flockbrush.components.level_things import degrees_text
-from flockbrush.engine.commands import commands, usual_values
+from flockbrush.engine.commands import commands, default_values
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.levels import geometry
 from flockbrush.levels.document_changes import MISSING, EditError, KeySet, TilesPut, put
@@ -404,7 +404,7 @@ def _properties_of_key(key, outline):
     known = commands()
     if key.command not in known:
         raise EditError(f"there is no command {key.command!r}{did_you_mean(key.command, known)}")
-    own, usual, properties = {"at": key.when, "command": key.command}, usual_values(known[key.command]), {}
+    own, usual, properties = {"at": key.when, "command": key.command}, default_values(known[key.command]), {}
     for name, value in key.args.items():
         drawn = name == "points" and np.shape(value) == outline.shape and np.allclose(value, outline, atol=1e-6)
         plain = type(value) in TYPES and name not in own

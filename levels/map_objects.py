@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from flockbrush.levels.document_changes import EditError
 from flockbrush.levels.document_nodes import is_class, values_of
-from flockbrush.levels.layer_reader import class_at_home, is_own, kind_of
+from flockbrush.levels.layer_reader import default_class, is_designer_layer, kind_of
 from flockbrush.levels.object_outlines import outline_of, reshape, shape_as
 from flockbrush.levels.schema import CLASSES
 from flockbrush.levels.tiled import project_member
@@ -26,7 +26,7 @@ class MapObjects:
     def objects(self):
         """(object, layer, dx, dy) of all, those on the designer's own layers left out."""
         for node, dx, dy, _ in self.layers():
-            for thing in node.get("objects", []) if not is_own(node.get("name", "")) else ():
+            for thing in node.get("objects", []) if not is_designer_layer(node.get("name", "")) else ():
                 yield thing, node, dx, dy
 
     def find(self, number, cls):
@@ -47,7 +47,7 @@ class MapObjects:
 
     def class_of(self, thing, node):
         """The class of an object, its own or its layer's."""
-        return thing.get("class") or thing.get("type") or class_at_home(thing, kind_of(node.get("name", ""))) or ""
+        return thing.get("class") or thing.get("type") or default_class(thing, kind_of(node.get("name", ""))) or ""
 
     def outline(self, thing, dx, dy):
         """("area" | "line" | "point", (k, 2) m) of an object."""

@@ -9,7 +9,7 @@ from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.solids import polyhedron
 from flockbrush.levels import geometry
 from flockbrush.levels.checked_nodes import class_of, real, text, whole
-from flockbrush.levels.layer_reader import class_at_home
+from flockbrush.levels.layer_reader import default_class
 from flockbrush.levels.properties import read_properties
 from flockbrush.levels.schema import (
     CLASSES,
@@ -96,7 +96,7 @@ class ObjectReader:
         if cls:
             place.say(f"there is no class {cls[:60]!r}{did_you_mean(cls, OBJECT_CLASSES)}")
             return None
-        at_home = class_at_home(node, kind)
+        at_home = default_class(node, kind)
         if at_home is None:
             place.say(f"has no class; set one of {', '.join(OBJECT_CLASSES)}")
         return at_home

@@ -17,7 +17,7 @@ from flockbrush.behaviours.brush import SUFFIX, BrushSource, load_brush
 from flockbrush.behaviours.program import Program, shipped_programs
 from flockbrush.behaviours.species import shipped_species
 from flockbrush.engine.arguments import checked
-from flockbrush.engine.file_formats import misfit
+from flockbrush.engine.file_formats import format_error
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import ProblemsError, did_you_mean
 from flockbrush.engine.raster import Raster
@@ -208,7 +208,7 @@ class LevelReader:
         return values
 
     def check_map(self, doc, values, place):
-        if "schema" in values.given and (wrong := misfit(values["schema"], schema.SCHEMA)):
+        if "schema" in values.given and (wrong := format_error(values["schema"], schema.SCHEMA)):
             place.say(f"schema {wrong}", values.lines["schema"])
         if doc.get("orientation", "orthogonal") != "orthogonal":
             place.say(

@@ -6,7 +6,7 @@ import dataclasses
 import math
 
 import numpy as np
-from flockbrush.engine.commands import commands, places_of
+from flockbrush.engine.commands import commands, place_fields
 from flockbrush.engine.raster import Raster
 from flockbrush.systems import edits as _edits  # noqa: F401  a designer's commands are known wherever a level is
 
@@ -94,7 +94,7 @@ def _grown(level):
 def _moved_args(command, args, shift):
     """The arguments of a command whose map has grown to the south-west."""
     moved = dict(args)
-    for pair in places_of(commands()[command], args) if command in commands() else ():
+    for pair in place_fields(commands()[command], args) if command in commands() else ():
         for name, metres in zip(pair, shift.tolist(), strict=True):
             if isinstance(args.get(name), (int, float)):
                 moved[name] = args[name] + metres

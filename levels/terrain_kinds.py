@@ -64,7 +64,7 @@ terrain_property("blocks_view", False, "true: animals cannot see through it")
 load_entry_points("flockbrush.terrain")  # before the first level is read
 
 
-def bare() -> dict[str, Any]:
+def default_terrain() -> dict[str, Any]:
     """The values of ground on which nothing is painted."""
     return {p.name: p.default for p in PROPERTIES if p.name not in ("name", "colour")}
 
@@ -75,7 +75,7 @@ class TerrainKind:
 
     name: str
     colour: str  # "#rrggbb"
-    values: dict[str, Any] = field(default_factory=bare)
+    values: dict[str, Any] = field(default_factory=default_terrain)
 
     def __getattr__(self, name):
         return _value(self, name)
@@ -83,7 +83,7 @@ class TerrainKind:
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> TerrainKind:
         """The kind that a tile of class Terrain describes."""
-        more = {name: values.get(name, default) for name, default in bare().items()}
+        more = {name: values.get(name, default) for name, default in default_terrain().items()}
         return cls(values["name"], values["colour"], more)
 
 
@@ -102,7 +102,7 @@ class Terrain:
     @classmethod
     def blank(cls, shape: tuple[int, int]) -> Terrain:
         """Ground on which nothing is painted."""
-        values = {name: np.full(shape, default) for name, default in bare().items()}
+        values = {name: np.full(shape, default) for name, default in default_terrain().items()}
         return cls(values, np.full(shape, -1, np.int16), [], [])
 
     def put(self, cells: np.ndarray, kind: Mapping[str, Any], number: int | None = None) -> int:
@@ -118,7 +118,7 @@ class Terrain:
 
     def padded(self, pad: tuple[tuple[int, int], tuple[int, int]]) -> Terrain:
         """The same ground with blank cells around it, as `numpy.pad` counts them."""
-        blank = bare()
+        blank = default_terrain()
         values = {name: np.pad(grid, pad, constant_values=blank[name]) for name, grid in self.values.items()}
         return Terrain(values, np.pad(self.index, pad, constant_values=-1), self.names, self.colours)
 
@@ -131,7 +131,7 @@ def _value(thing, name):
 
 
 def _ground(name, colour, **values):
-    return {"name": name, "colour": colour, **bare(), **values}
+    return {"name": name, "colour": colour, **default_terrain(), **values}
 
 
 # The kinds of the shipped tileset.  The order is the tile ids that saved levels use: add at the end only.

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from flockbrush.behaviours.program import ProgramLibrary, shipped_programs
-from flockbrush.engine.files import kept_beside, refuse_foreign, refused, write_bytes
+from flockbrush.engine.files import make_backup, refuse_foreign, refused, write_bytes
 from flockbrush.engine.problems import Problem, ProblemsError
 from flockbrush.levels.ground_rules import class_of
 from flockbrush.levels.level_class import ENUMS, ObjectClass, Property
@@ -135,7 +135,7 @@ def _renew(folder, library, names):
     (folder / "tilesets").mkdir(parents=True, exist_ok=True)
     for path, content in contents.items():
         if path.suffix == ".png" and path.exists() and is_painted_over(path.read_bytes(), content):
-            kept_beside(path)
+            make_backup(path)
         write_bytes(path, content)
     return list(contents)
 

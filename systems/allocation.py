@@ -35,7 +35,7 @@ from flockbrush.systems.fauna import FEAR, NO_LIMIT, SpeciesList, by_medium, kin
 from flockbrush.systems.foresight import Ahead
 from flockbrush.systems.ground_height import heights_of_ground
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.leaders import where_sent
+from flockbrush.systems.leaders import steering_velocities
 from flockbrush.systems.noticing import Noticed
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Near
@@ -140,7 +140,7 @@ def with_wishes(world, scene):
         own[says[rows]] = wished[rows[says[rows]]]
         thrusts = agents[Thrust.kind][rows] == BY_ACCELERATION
         own[thrusts] = (scene.velocity + TAKES_UP * agents[Thrust.acceleration])[rows[thrusts]]
-        where_sent(world, scene, rows, own[:, 2] * aloft[rows], wished)
+        steering_velocities(world, scene, rows, own[:, 2] * aloft[rows], wished)
     return scene._replace(bodies=frozen(scene.bodies._replace(wished=wished)))
 
 

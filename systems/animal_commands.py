@@ -16,7 +16,7 @@ from flockbrush.systems.life import spawn_animals
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.selection import (
     OfAnimals,
-    able,
+    can_use_brush,
     check_brush,
     check_can,
     check_can_come,
@@ -45,7 +45,7 @@ class SwitchBrush(OfAnimals):
 
     def apply(self, world):
         chosen = self.chosen(world)
-        can = able(world, self.brush)
+        can = can_use_brush(world, self.brush)
         if chosen.any() and not (chosen & can).any():
             check_can(world, self.brush, species_of(world, int(np.flatnonzero(chosen)[0])))
         chosen &= can

@@ -281,7 +281,7 @@ class Bindable(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def painted_for(lo, hi, animals, cell, sheets, painted, air, out):
+def painted_brush(lo, hi, animals, cell, sheets, painted, air, out):
     """Write the brush that paint gives to each of rows ``lo`` to ``hi``, -1 for none.
 
     Parameters

@@ -30,7 +30,7 @@ from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.formations import keep_formations
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.leaders import lead_by_brush
+from flockbrush.systems.leaders import assign_leaders
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import Sight, SightInSpace
 from numba import njit
@@ -61,7 +61,7 @@ class Roles(System):
         rules = LeaderRules(palette.neighbour_range, palette.leader_neighbours, palette.leader_cone)
         state = RoleState(agents[Role.leader], agents[Memory.herd], agents[Memory.known])
         over_rows(_roles_by_slot, len(cells.row), found, members.species[cells.row], members, rules, state, reference)
-        lead_by_brush(world)
+        assign_leaders(world)
         keep_formations(world)
 
 

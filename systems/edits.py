@@ -430,7 +430,7 @@ def as_command(world, kind, number):
     return RemoveThing(kind, number) if index is None else KINDS[kind].put(things[index], index)
 
 
-def away_by_id(kind):
+def removal_of(kind):
     """How a thing of a kind is taken away."""
     return lambda thing, at, n: RemoveThing(kind, thing.id, "" if thing.id else thing.name)
 
@@ -454,10 +454,10 @@ def _mark_spawn(s, at):
 
 
 KINDS |= {
-    "guide": ThingKind(("guides",), _draw_guide, away_by_id("guide")),
-    "goal": ThingKind(("goals",), _place_goal, away_by_id("goal")),
-    "exit": ThingKind(("exits",), _place_exit, away_by_id("exit")),
-    "spawn": ThingKind(("spawns",), _mark_spawn, away_by_id("spawn")),
+    "guide": ThingKind(("guides",), _draw_guide, removal_of("guide")),
+    "goal": ThingKind(("goals",), _place_goal, removal_of("goal")),
+    "exit": ThingKind(("exits",), _place_exit, removal_of("exit")),
+    "spawn": ThingKind(("spawns",), _mark_spawn, removal_of("spawn")),
 }
 
 

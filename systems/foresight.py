@@ -78,7 +78,7 @@ class SeeAhead(System):
         table = world.resource(SpeciesList).table
         [top] = by_medium(table, agents[Species.index], near.aloft, table.speed)
         reach = float((foresight * top + (NEAR + ROOM) * agents[Body.length])[order].max())
-        solids = in_the_way(agents, land.sky, near.aloft, land.wrap, reach)
+        solids = solids_to_avoid(agents, land.sky, near.aloft, land.wrap, reach)
         over_rows(
             _look_ahead, len(order), order, agents.ids, flyers_of(agents), foresight, solids, land.heights, foreseen
         )
@@ -101,7 +101,7 @@ class ShiftMigration(System):
             left[moving] = np.maximum(left[moving] - dt, 0.0)
 
 
-def in_the_way(agents, sky, aloft, wrap=None, reach=0.0):
+def solids_to_avoid(agents, sky, aloft, wrap=None, reach=0.0):
     """The solids of the sky, and the bodies of animals on the ground where they are now.
 
     Those within ``reach`` m of a border over which the map goes on are beyond the opposite one, too.

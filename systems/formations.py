@@ -33,7 +33,7 @@ from flockbrush.engine.maths import atan2_, sincos_
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.seam import short_way
 from flockbrush.systems.gusts import blow
-from flockbrush.systems.initiation import Flying, Following, decide, fitting, target_of, usual
+from flockbrush.systems.initiation import Flying, Following, decide, rules_with_margin, target_of, usual
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.senses import SightInSpace
@@ -113,7 +113,7 @@ def _keep(world, rows, met, p, sees, leads, variant):
     rules = rules_of(p)
     target = _target(p, n, clock.tick * clock.dt, world.resource(Noise).seed + variant * (n > 1))
     if n > 1:
-        rules = fitting(rules, target)
+        rules = rules_with_margin(rules, target)
         birds, now = Flying(x, y, heading), Following(reference, arm, place)
         new = Following(np.full(n, -1), np.zeros(n, np.int64), np.full(n, -1))
         decide(birds, leader, now, target.length, rules, sees, new)

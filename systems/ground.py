@@ -25,14 +25,14 @@ from flockbrush.engine.clock import Clock
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.parallel import over_rows
 from flockbrush.engine.schedule import Stage, System
-from flockbrush.systems.binding import Bindable, MediaChange, mix_paint, painted_for, through_media
+from flockbrush.systems.binding import Bindable, MediaChange, mix_paint, painted_brush, through_media
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.grid import farthest_sight
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.leaders import arrive
+from flockbrush.systems.leaders import release_arrived
 from flockbrush.systems.navigation import follow
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.terrain import NO_BRUSH, Footing, underfoot
+from flockbrush.systems.terrain import NO_BRUSH, Footing, sample_ground
 from numba import njit
 
 
@@ -62,12 +62,12 @@ class Underfoot(System):
         painted, up = np.empty(n, np.int32), np.empty(n)
         xyz, slope = agents[Position.xyz], agents[Ground.slope]
         footing = Footing(agents[Ground.factor], agents[Ground.cap], painted, slope, up)
-        over_rows(underfoot, n, xyz, land.cell, land.surface, land.brush, land.heights, footing)
+        over_rows(sample_ground, n, xyz, land.cell, land.surface, land.brush, land.heights, footing)
         steepest = world.resource(SpeciesList).table.steepest
         ways = land.ways_for(steepest, agents[Species.index], agents[Destination.goal])
         way = land.navigation
         over_rows(follow, n, xyz, ways, way.cell, way.fields, way.wrap, agents[Ground.guidance])
-        arrive(world)
+        release_arrived(world)
         b = BrushBinding
         animals = Bindable(
             agents.ids, agents[Species.index], agents[b.brush], agents[b.home], xyz, agents[Velocity.xyz],
@@ -103,7 +103,7 @@ class Underfoot(System):
         n, air = len(painted), palette.flies_free
         if len(palette):
             sheets = land.sheets.packed(palette, fauna)
-            over_rows(painted_for, n, animals, land.cell, sheets, land.painted.brush, air, painted)
+            over_rows(painted_brush, n, animals, land.cell, sheets, land.painted.brush, air, painted)
         if land.sheets.mixing:
             sheets, key = land.sheets.packed_mixing(palette, fauna), world.resource(Noise).key("paint", 0)
             wrap = land.heights.wrap

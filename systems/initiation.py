@@ -340,14 +340,14 @@ def initiate(x, y, heading, target, rules=None, most=6000, hold=60, step=0, reac
     ----------
     .. [1] Klotsman, M. & Tal, A. (2012). Animation of flocks flying in line formations. Artificial Life 18(1), 91-105.
     """
-    rules = fitting(rules or FormingRules(), target)
+    rules = rules_with_margin(rules or FormingRules(), target)
     birds, trial = Flying(*(np.array(a, float) for a in (x, y, heading))), FlightTrial(most, hold, step, float(reach))
     track, said = np.zeros((most // step + 1 if step else 0, len(birds.x), 3)), np.zeros(1, np.int64)
     frames, least, longest = _fly(birds, int(np.argmax(birds.y)), target, usual(target), rules, trial, track, said)
     return Initiation(int(frames), float(least), float(longest), track[: said[0]])
 
 
-def fitting(rules, target):
+def rules_with_margin(rules, target):
     """The rules with a margin that neighbours in the target keep."""
     places = np.array(
         [
@@ -367,7 +367,7 @@ def usual(target):
     return float(target.dx[inner].mean()), max(float(target.dy[inner].mean()), 0.3)
 
 
-def scattered(birds, seed, density=9.0, turned=0.5, gap=1.0):
+def random_flock(birds, seed, density=9.0, turned=0.5, gap=1.0):
     """Birds at random places, (x, y, heading): ``density`` square wingspans each, none nearer than ``gap``."""
     noise, side = Noise(seed), np.sqrt(birds * density)
     x, y = np.empty(birds), np.empty(birds)

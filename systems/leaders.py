@@ -123,7 +123,7 @@ class Steer(ToLeaders):
         world.agents[Leading.target][rows] = (0.0, 0.0) if self.kind == "free" else (self.x, self.y)
 
 
-def arrive(world):
+def release_arrived(world):
     """Who has come to the place where it is sent is free again."""
     agents = world.agents
     rows = np.flatnonzero(agents[Leading.kind] == POINT)
@@ -153,7 +153,7 @@ def _way_to(world, rows):
     return short_way(agents[Leading.target][rows] - agents[Position.xyz][rows, :2], wrap)
 
 
-def where_sent(world, scene, rows, rise, wished):
+def steering_velocities(world, scene, rows, rise, wished):
     """Write the velocities that take these steered animals where they are sent, as fast as they can turn.
 
     Those in the air pass what stands in their way.
@@ -198,7 +198,7 @@ def _send(rows, animals, aloft, place, way, limits, wished):
         wished[i, 0], wished[i, 1] = per * (cosine * fx - sine * fy), per * (sine * fx + cosine * fy)
 
 
-def lead_by_brush(world):
+def assign_leaders(world):
     """Make those leaders whom their brush lets follow a guide where there is one, and all who are appointed."""
     agents, palette = world.agents, world.resource(Palette)
     appointed = agents[Leading.appointed]

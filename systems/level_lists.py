@@ -48,7 +48,7 @@ def lists_of(world, kind):
 
 @contextmanager
 def rehearsal(world):
-    """What a script is checked in: things, species, brushes and programs that `foreseen` commands change, and that
+    """What a script is checked in: things, species, brushes and programs that `rehearse` commands change, and that
     come back."""
     resources = [world.resource(kind) for kind in (Palette, Programs)]
     lists = [things for kind in KINDS for things in lists_of(world, kind)]
@@ -66,7 +66,7 @@ def rehearsal(world):
             things[:] = kept
 
 
-def foreseen(world, command):
+def rehearse(world, command):
     """Check a command as if those foreseen before it had been applied; the `rehearsal` then has what it brings.
 
     Of one that rehearses others itself the form alone is checked (``check_form``).

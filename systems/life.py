@@ -19,7 +19,7 @@ from flockbrush.systems.named_regions import in_goal
 from flockbrush.systems.noticing import Noticed
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import NoRoom, give_birth
-from flockbrush.systems.programs import Programs, born_into
+from flockbrush.systems.programs import Programs, enrol_newborns
 from flockbrush.systems.spawning import inside_polygon
 
 
@@ -173,7 +173,7 @@ def births_due(spawn, now):
 def spawn_animals(world, spawn, count, stream):
     """Births as one spawn of the level has them."""
     born = give_birth(world, spawn, count, stream)
-    born_into(world, born, spawn.program)
+    enrol_newborns(world, born, spawn.program)
     if spawn.family_size:
         make_families(world, born, spawn.family_size)
     return born

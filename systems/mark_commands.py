@@ -8,12 +8,12 @@ from operator import itemgetter
 import numpy as np
 from flockbrush.components.level_things import ZONE
 from flockbrush.engine.clock import Clock
-from flockbrush.engine.commands import command, commands, from_record, places_of, tick_at
+from flockbrush.engine.commands import command, commands, from_record, place_fields, tick_at
 from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.binding import MEDIA
-from flockbrush.systems.edits import OfOutline, OfThing, away_by_id, check_id, check_on_map
+from flockbrush.systems.edits import OfOutline, OfThing, check_id, check_on_map, removal_of
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.level_lists import KINDS, ThingKind, foreseen, rehearsal
+from flockbrush.systems.level_lists import KINDS, ThingKind, rehearsal, rehearse
 from flockbrush.systems.marks import NO_LIMIT, Area, Key, Line, Zone
 from flockbrush.systems.obstacle_commands import line_of, polygon_of, put_thing
 from flockbrush.systems.paint_commands import off_the_map
@@ -165,8 +165,8 @@ class PlaceKey(OfThing):
                 if key.id == self.id:
                     break
                 with suppress(ValueError, LookupError):  # its mistakes are reported when it is due
-                    foreseen(world, from_record(key.command, key.args))
-            foreseen(world, from_record(self.command, self.given()))
+                    rehearse(world, from_record(key.command, key.args))
+            rehearse(world, from_record(self.command, self.given()))
 
     def foresee(self, world):
         key = Key(self.id, self.name, self.when, self.command, self.given(), np.array([self.x, self.y]))
@@ -174,7 +174,7 @@ class PlaceKey(OfThing):
 
     def given(self):
         """The command's arguments, with the place where the key stands."""
-        return own_place(self.command, self.args, (self.x, self.y)) | self.args
+        return default_place(self.command, self.args, (self.x, self.y)) | self.args
 
     def rescript(self):
         """(key, s, command): what the script does from now on."""
@@ -188,10 +188,10 @@ class PlaceKey(OfThing):
         world.resource(Landscape).changed()
 
 
-def own_place(command, args, xy):
+def default_place(command, args, xy):
     """The arguments that a key at (x, y) m may leave out of a command with these: those of its own place, if any."""
     known = commands().get(command)
-    here = known is not None and ("x", "y") in places_of(known, args)
+    here = known is not None and ("x", "y") in place_fields(known, args)
     return dict(zip("xy", xy, strict=True)) if here else {}
 
 
@@ -216,14 +216,14 @@ def _draw_area(area, at):
 
 def _place_key(key, at):
     xy = key.xy.tolist()
-    here = own_place(key.command, key.args, xy)
+    here = default_place(key.command, key.args, xy)
     args = {name: value for name, value in key.args.items() if name not in here or value != here[name]}
     return PlaceKey(key.id, key.name, float(key.at), key.command, args, *xy, at)
 
 
 KINDS |= {
-    "zone": ThingKind(("marks.zones",), _draw_zone, away_by_id("zone")),
-    "line": ThingKind(("marks.lines",), _draw_line, away_by_id("line")),
-    "area": ThingKind(("marks.areas",), _draw_area, away_by_id("area")),
-    "key": ThingKind(("marks.keys",), _place_key, away_by_id("key")),
+    "zone": ThingKind(("marks.zones",), _draw_zone, removal_of("zone")),
+    "line": ThingKind(("marks.lines",), _draw_line, removal_of("line")),
+    "area": ThingKind(("marks.areas",), _draw_area, removal_of("area")),
+    "key": ThingKind(("marks.keys",), _place_key, removal_of("key")),
 }

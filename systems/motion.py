@@ -25,7 +25,7 @@ from flockbrush.engine.seam import on_the_map_
 from flockbrush.systems.contact import move_by_slot
 from flockbrush.systems.fauna import SpeciesList, by_medium
 from flockbrush.systems.flight import FlightLimits, WantedFlight, fly, flyers_of
-from flockbrush.systems.foresight import in_the_way
+from flockbrush.systems.foresight import solids_to_avoid
 from flockbrush.systems.ground_height import height_of_ground, turn_from_steep_ground
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
@@ -117,7 +117,7 @@ def _fly(world, near, max_turn, top):
     for rows, solids in ((order[~held], land.sky), (order[held], land.standing if held.any() else None)):
         if len(rows):
             reach = float((dt * limits.cap + agents[Body.radius])[rows].max())
-            around = in_the_way(agents, solids, near.aloft, land.wrap, reach)
+            around = solids_to_avoid(agents, solids, near.aloft, land.wrap, reach)
             over_rows(fly, len(rows), rows, dt, flyers, limits, wanted, around, hills)
     _raise_noses_at_landing(agents, order)
 

@@ -32,12 +32,12 @@ def away_from_region(name, xyz, land):
     return np.min([np.full(len(xyz), np.inf), *(np.sqrt((off**2).sum(1)) for off in offsets)], axis=0)
 
 
-def raising(land):
+def zones_with_event(land):
     """The zones that raise an event."""
     return [zone for zone in land.marks.zones if zone.event]
 
 
-def entered(world, known):
+def zone_events(world, known):
     """Events of those who have come into a zone since the last tick.
 
     Parameters
@@ -47,7 +47,7 @@ def entered(world, known):
     """
     happened: list[Happening] = []
     land, agents = world.resource(Landscape), world.agents
-    zones = raising(land)
+    zones = zones_with_event(land)
     if not zones or known is None or not len(known[0]):
         return happened
     now, ids = agents[Position.xyz], known[0]

@@ -37,7 +37,7 @@ from flockbrush.systems.fast_marching import EVERYWHERE, arrive_, march_, rimmed
 from flockbrush.systems.guide_field import guide_field
 from flockbrush.systems.hill_marching import march_on_hills_
 from flockbrush.systems.terrain import rasterise_polygon
-from flockbrush.systems.walls import around_obstacles, keep_out_, point_out_
+from flockbrush.systems.walls import around_obstacles, point_out_, remove_flow_into_walls_
 from numba import njit
 
 HERE = np.zeros((1, 2))  # m: a map that does not go on is where it is
@@ -258,7 +258,7 @@ def goal_field(goal, cost, blocked, cell, height=None):
     else:
         time, direction = march_on_hills_(seeds, slowness, np.ascontiguousarray(height, np.float64), float(cell))
     direction[goal] = 0.0
-    keep_out_(direction, np.isinf(slowness))
+    remove_flow_into_walls_(direction, np.isinf(slowness))
     return direction, time
 
 
@@ -310,7 +310,7 @@ def blend(guidance, direction, blocked=None):
     """
     out = blend_(np.asarray(guidance, np.float64), np.asarray(direction, np.float64))
     if blocked is not None:
-        keep_out_(out, np.ascontiguousarray(blocked, bool))
+        remove_flow_into_walls_(out, np.ascontiguousarray(blocked, bool))
     return out
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.behaviour import NoticedLists, nobody_noticed
+from flockbrush.behaviours.behaviour import NoticedLists, empty_noticed_lists
 from flockbrush.components import Alarm, Body, BrushBinding, Heading, Individual, Position, Species
 from flockbrush.engine.clock import Clock
 from flockbrush.engine.maths import exp_, inner_kernel, sincos_
@@ -229,7 +229,7 @@ class BeAlarmed(System):
         table, dt = world.resource(SpeciesList).table, world.resource(Clock).dt
         keep = np.array([exp_(-dt / max(t, 1e-3)) for t in table.calm])[agents[Species.index]]
         if lists is None:
-            lists = nobody_noticed(len(agents))
+            lists = empty_noticed_lists(len(agents))
         over_rows(_be_alarmed, len(agents), lists, agents[Position.xyz], keep, level, agents[Alarm.place])
 
 

@@ -16,7 +16,7 @@ from flockbrush.engine.solids import polyhedron
 from flockbrush.systems.ground_edges import solid_images
 from flockbrush.systems.landscape import SHAPES, Glide, Landscape
 from flockbrush.systems.level_lists import KINDS, ThingKind, TouchedThings
-from flockbrush.systems.room import in_the_air, make_room
+from flockbrush.systems.room import in_the_air, move_to_free_places
 from flockbrush.systems.spawning import inside_polygon, touching
 from flockbrush.systems.undo import need
 
@@ -400,7 +400,7 @@ def evict(world, obstacle):
         edges = np.hstack([corners, np.roll(corners, -1, axis=0)])
         trapped |= touching(xyz, agents[Heading.forward], agents[Body.axis], agents[Body.radius], edges)
         trapped |= inside_polygon(xyz, corners)
-    make_room(world, trapped & ~in_the_air(world))
+    move_to_free_places(world, trapped & ~in_the_air(world))
 
 
 def _is_number(value):

@@ -74,7 +74,7 @@ class Pace(System):
         if was is None:
             return
         walking = np.full(n, -1.0)
-        over_rows(company, n, cells, agents[Body.length], was, walking)
+        over_rows(walking_share, n, cells, agents[Body.length], was, walking)
         key = world.resource(Noise).key("pause", clock.tick)
         over_rows(pause, n, walkers, rules, was, walking, key, clock.dt, state)
 
@@ -245,7 +245,7 @@ def in_common_(x, y, time, stream, waves, herd):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def company(lo, hi, cells, length, speed, walking):
+def walking_share(lo, hi, cells, length, speed, walking):
     """Share of the others within four body lengths that walk; -1 if there are none."""
     x, y, slot, start, nx, ny = cells.x, cells.y, cells.slot, cells.start, cells.nx, cells.ny
     cell, west, south, row = cells.cell, cells.west, cells.south, cells.row

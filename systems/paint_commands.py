@@ -13,7 +13,7 @@ from flockbrush.engine.problems import did_you_mean
 from flockbrush.systems.landscape import BARE, NATIVE, Landscape
 from flockbrush.systems.painting import blended, cells_of, check_runs, connected, runs_of, stroke_cells, taken
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.room import cell_under, make_room, on_map
+from flockbrush.systems.room import cell_under, move_to_free_places, on_map
 from flockbrush.systems.selection import cells_within, check_brush, check_circle
 from flockbrush.systems.spawning import touching
 from flockbrush.systems.terrain import NO_BRUSH
@@ -85,7 +85,7 @@ def _lay_ground(world, land, iy, ix, kinds):
         land.rebuild(navigation=False)
     if (before[1] & ~land.walkable[iy, ix]).any():
         try:
-            make_room(world, in_walls(world))
+            move_to_free_places(world, in_walls(world))
         except ValueError:
             land.lay_ground(iy, ix, before[0])
             land.rebuild(navigation=False)

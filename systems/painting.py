@@ -39,7 +39,7 @@ def stroke_cells(start, end, radius, softness, shape, cell, wraps=False):
     radius, (ny, nx) = max(radius, THIN * cell), shape
     ends = np.array([start, end], float)
     ways = images(ends, (nx * cell, ny * cell) if wraps else None, radius)
-    return joined([_stroke(*(ends + way), radius, softness, shape, cell) for way in ways], nx)
+    return merged_cells([_stroke(*(ends + way), radius, softness, shape, cell) for way in ways], nx)
 
 
 def _stroke(start, end, radius, softness, shape, cell):
@@ -57,7 +57,7 @@ def _stroke(start, end, radius, softness, shape, cell):
     return iy + y0, ix + x0, np.minimum(fading, 1.0)
 
 
-def joined(parts, nx):
+def merged_cells(parts, nx):
     """(iy, ix, weight) of cells from several such, each cell once with its greatest weight; row by row of ``nx``."""
     if len(parts) == 1:
         return parts[0]

@@ -24,7 +24,7 @@ References
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.behaviours.behaviour import filled_up
+from flockbrush.behaviours.behaviour import padded_lists
 from flockbrush.behaviours.brush_tables import SIGHTS
 from flockbrush.components import BrushBinding, Species
 from flockbrush.engine.maths import inner_kernel
@@ -32,18 +32,18 @@ from flockbrush.engine.parallel import over_rows
 from flockbrush.systems.fauna import SpeciesList, kin_of
 from flockbrush.systems.hidden_points import RADIUS_FACTOR, hull_corners
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.visibility import Found, Lists, lists_of
+from flockbrush.systems.visibility import Lists, VisibleBySlot, lists_of
 from numba import njit
 
 EXACT, METRIC, HIDDEN_POINTS, TOPOLOGICAL, VORONOI = range(len(SIGHTS))
 
 
-def chooses(world):
+def filters_neighbours(world):
     """Whether anybody of a world leaves out some of those in view."""
     return bool(world.resource(Palette).chooses or world.resource(SpeciesList).table.ignore.any())
 
 
-def chosen_of_one_kind(lists, sight, neighbours):
+def filtered_of_one_kind(lists, sight, neighbours):
     """`Lists` of those in view who are taken into account where all are of one kind and have one brush."""
     if SIGHTS.index(sight) < HIDDEN_POINTS:
         return lists
@@ -55,7 +55,7 @@ def chosen_of_one_kind(lists, sight, neighbours):
     return Lists(before[lists.first], lists.near[keep], lists.offset[keep])
 
 
-def chosen_by_slot(world, found):
+def filtered_by_slot(world, found):
     """Those whom everybody's brush takes into account, of those in view; both as `Found`."""
     keep = _kept(world, lists_of(found))
     before = np.concatenate([[0], np.cumsum(keep)])
@@ -63,7 +63,7 @@ def chosen_by_slot(world, found):
     return _found(found.cells, _slots(found)[keep], np.diff(before[first]))
 
 
-def each_its_own(mine, one, other):
+def merge_by_row(mine, one, other):
     """`Found` with the rows of ``one`` where ``mine`` (n,) is true, else those of ``other``."""
     count = np.where(mine, one.count, other.count)
     slots, here = np.empty(count.sum(), np.int32), np.repeat(mine, count)
@@ -81,9 +81,9 @@ def _slots(found):
 
 def _found(cells, slots, count):
     begin, rows = np.zeros(len(cells.x), np.int64), np.flatnonzero(cells.slot >= 0)
-    seen, first = filled_up(slots, count, cells.slot)
+    seen, first = padded_lists(slots, count, cells.slot)
     begin[cells.slot[rows]] = first[rows]
-    return Found(cells, seen, begin, count.astype(np.int64))
+    return VisibleBySlot(cells, seen, begin, count.astype(np.int64))
 
 
 def _kept(world, lists):

@@ -63,7 +63,7 @@ def give_birth(world, spawn, count, stream="birth"):
     radius = body.radius * length / body.length
     axis = np.zeros(count) if body.contact == "disc" else np.maximum(0.5 * length - radius, 0.0)
     reach = float((axis + radius).max(initial=0.0))
-    ground = ground_for(land, 2 * reach, land.blocked)._replace(bounds=inset(land, reach))
+    ground = ground_for(land, 2 * reach, land.blocked)._replace(bounds=birth_bounds(land, reach))
     others = bodies_of(world.agents, land.wrap, float(length.max(initial=0.0)))
     key = noise.key(stream, clock.tick)
     long, how = 2 * (axis + radius), (spawn.heading, spawn.formation)
@@ -175,7 +175,7 @@ def _clear_of_solids(xyz, radius, solids):
         xyz[i, 0], xyz[i, 1], xyz[i, 2] = x, y, z
 
 
-def inset(land, body):
+def birth_bounds(land, body):
     """Where the middle of a newborn may be; on a wrapped map not across the seam."""
     west, south, east, north = map(float, land.bounds)
     room = float(body) if land.wrap else 0.0

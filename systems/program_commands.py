@@ -54,7 +54,7 @@ class Event:
 
     def check(self, world):
         check_circle(self)
-        known = heard(world)
+        known = event_names(world)
         need(known, f"no program of this world listens for an event, so {self.name!r} would change nothing")
         need(self.name in known, f"no program listens for the event {self.name!r}{did_you_mean(self.name, known)}")
 
@@ -87,7 +87,7 @@ class TakeBackEvent:
         programs.events = [event for event in programs.events if event != happening]
 
 
-def heard(world):
+def event_names(world):
     """Names of events that some program of the world listens for."""
     return sorted({name for program in world.resource(Programs).programs for name in program.events})
 

@@ -11,7 +11,7 @@ from flockbrush.engine.clock import Clock
 from flockbrush.systems.programs import Programs
 
 
-def counts(world):
+def count_by_state(world):
     """{program: {state: how many animals}}."""
     programs, agents = world.resource(Programs), world.agents
     counted = {}

@@ -28,7 +28,7 @@ from flockbrush.engine.noise import Noise
 from flockbrush.engine.schedule import Stage, System
 from flockbrush.systems.grid import farthest_sight
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.named_regions import entered, in_region, raising
+from flockbrush.systems.named_regions import in_region, zone_events, zones_with_event
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.program_senses import WorldSenses
@@ -181,7 +181,7 @@ class RunPrograms(System):
             programs.known = None
             return
         happened, programs.events = programs.events, []
-        happened = happened + entered(world, programs.known)
+        happened = happened + zone_events(world, programs.known)
         senses = WorldSenses(world, programs, happened)
         agents = world.agents
         for number, compiled in enumerate(programs.compiled):
@@ -189,7 +189,7 @@ class RunPrograms(System):
             if len(rows):
                 self._run(world, programs, compiled, senses, rows)
         programs.known, needs = None, programs.needs
-        if needs & {"births", "deaths"} or raising(world.resource(Landscape)):
+        if needs & {"births", "deaths"} or zones_with_event(world.resource(Landscape)):
             programs.known = agents.ids.copy(), agents[Position.xyz].copy(), agents[Species.index].copy()
         if "before" in needs:
             agents[ProgramState.before][:] = agents[Velocity.xyz]
@@ -333,7 +333,7 @@ def _beginnings(compiled, chance):
     return numbers[np.minimum(np.searchsorted(limits, chance * limits[-1], side="right"), len(numbers) - 1)]
 
 
-def born_into(world, entities, name):
+def enrol_newborns(world, entities, name):
     """`enrol` for newborns, who begin under the brush of their first state."""
     if not name:
         return

@@ -6,7 +6,7 @@ import numpy as np
 from flockbrush.components import Body, BrushBinding, Heading, Position
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.population import bodies_of, ground_for, inset
+from flockbrush.systems.population import birth_bounds, bodies_of, ground_for
 from flockbrush.systems.spawning import Capsules, inside_polygon, nearest_free, overlaps_, touching
 from numba import njit
 
@@ -18,7 +18,7 @@ def in_the_air(world):
     return world.resource(Palette).flies_free[world.agents[BrushBinding.brush]]
 
 
-def make_room(world, trapped):
+def move_to_free_places(world, trapped):
     """Move these animals, (n,) bool, to the nearest place that is free of walls and of bodies on the ground.
 
     Raises
@@ -43,7 +43,7 @@ def make_room(world, trapped):
     agents[Position.xyz][:, 0], agents[Position.xyz][:, 1] = x, y
 
 
-def make_place(world, columns):
+def place_newcomers(world, columns):
     """Move newcomers, given as columns, who would stand in others or in walls, to the nearest free place."""
     land, agents = world.resource(Landscape), world.agents
     xyz, forward = columns[Position.xyz], columns[Heading.forward]
@@ -77,7 +77,7 @@ def _finder(world, reach):
     ground = ground_for(land, reach, ~land.walkable)
 
     def find(x, y, fx, fy, half, radius, others):
-        inside = ground._replace(bounds=inset(land, half + radius))
+        inside = ground._replace(bounds=birth_bounds(land, half + radius))
         return nearest_free(x, y, fx, fy, half, radius, inside, others)
 
     return find

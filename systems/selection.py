@@ -8,7 +8,7 @@ from flockbrush.engine.problems import did_you_mean
 from flockbrush.engine.seam import images, short_way
 from flockbrush.systems.binding import can_do, cannot, cannot_follow
 from flockbrush.systems.landscape import Landscape
-from flockbrush.systems.painting import joined
+from flockbrush.systems.painting import merged_cells
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.programs import Programs
@@ -76,7 +76,7 @@ def species_of(world, row):
     return world.resource(SpeciesList).names[int(world.agents[Species.index][row])]
 
 
-def able(world, brush):
+def can_use_brush(world, brush):
     """(n,) bool: the animals that can move as a brush does."""
     palette, fauna = world.resource(Palette), world.resource(SpeciesList)
     return can_do(palette, fauna.table)[palette.named(brush)][world.agents[Species.index]]
@@ -85,7 +85,7 @@ def able(world, brush):
 def cells_within(land, x, y, radius):
     """(iy, ix) of the cells whose centres lie in a circle, which reaches over the borders of a map that wraps."""
     ways = images([(x, y)], land.wrap, radius)
-    return joined([_in_circle(land, x + dx, y + dy, radius) for dx, dy in ways], land.brush.shape[1])[:2]
+    return merged_cells([_in_circle(land, x + dx, y + dy, radius) for dx, dy in ways], land.brush.shape[1])[:2]
 
 
 def _in_circle(land, x, y, radius):

@@ -16,9 +16,9 @@ from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.grid import Cells, sort_into_cells
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
-from flockbrush.systems.perception import chooses, chosen_by_slot, each_its_own
+from flockbrush.systems.perception import filtered_by_slot, filters_neighbours, merge_by_row
 from flockbrush.systems.space import EyesInSpace, Space, sort_in_space, visible_in_space
-from flockbrush.systems.visibility import Found, Lists, lists_of, look_around
+from flockbrush.systems.visibility import Lists, VisibleBySlot, lists_of, look_around
 from numba import njit
 
 
@@ -39,7 +39,7 @@ class Near:
 
 @dataclass
 class _Seen:
-    by_slot: Found | None = None  # in the order of cells
+    by_slot: VisibleBySlot | None = None  # in the order of cells
     _lists: Lists | None = field(default=None, repr=False)
 
     @property
@@ -126,7 +126,9 @@ class See(System):
             binding = binding[~near.aloft]
             if not len(binding):
                 none = np.zeros(0, np.int64)
-                world.resource(Sight).show(Found(near.cells, none.astype(np.int32), none, np.zeros(n, np.int64)))
+                world.resource(Sight).show(
+                    VisibleBySlot(near.cells, none.astype(np.int32), none, np.zeros(n, np.int64))
+                )
                 return
         cosine = np.empty(n)
         over_rows(cosine_of_half_kernel, n, agents[Vision.field_of_view], cosine)
@@ -136,8 +138,8 @@ class See(System):
         self.width = max(32, 16 + 3 * int(found.count.sum()) // max(2 * len(near.cells.x), 1))
         if palette.bodiless[binding].any() and not through.all():  # each as its own brush says
             everybody = look_around(*look, False, self.width)
-            found = each_its_own(palette.bodiless[agents[BrushBinding.brush]], everybody, found)
-        world.resource(Sight).show(chosen_by_slot(world, found) if chooses(world) else found)
+            found = merge_by_row(palette.bodiless[agents[BrushBinding.brush]], everybody, found)
+        world.resource(Sight).show(filtered_by_slot(world, found) if filters_neighbours(world) else found)
 
 
 class SeeInSpace(System):
@@ -161,7 +163,7 @@ class SeeInSpace(System):
         solids = world.resource(Landscape).opaque_solids
         found = visible_in_space(near.space, eyes, solids, self.width, sight.scratch)
         self.width = max(32, 16 + 3 * int(found.count.sum()) // max(2 * len(near.space.x), 1))
-        sight.show(chosen_by_slot(world, found) if chooses(world) else found)
+        sight.show(filtered_by_slot(world, found) if filters_neighbours(world) else found)
 
 
 class SeeObstacles(System):

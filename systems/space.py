@@ -23,7 +23,7 @@ from flockbrush.engine.scratch import Scratch
 from flockbrush.engine.solid_queries import blocks_
 from flockbrush.engine.solids import no_solids
 from flockbrush.systems.sightline import kernel, step
-from flockbrush.systems.visibility import Found, lists_overflow
+from flockbrush.systems.visibility import VisibleBySlot, lists_overflow
 from numba import njit
 
 CHUNK = 1024  # observers to a piece of work
@@ -232,7 +232,7 @@ def visible_in_space(space, eyes, solids=None, width=32, scratch=None):
         seen = scratch.take("seen", (m * width + LANES,), np.int32)
         over_rows(_look, m, space, eyes, solids, width, seen, begin, count, chunk=CHUNK)
         if not lists_overflow(begin, space.ghost):
-            return Found(space, seen, begin, count)
+            return VisibleBySlot(space, seen, begin, count)
         width = 2 * max(width, -(-int(count.sum()) // m))
 
 

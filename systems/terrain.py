@@ -1,7 +1,7 @@
 """Ground under the animals: brush, speed factor, speed cap, slope and height, for every animal in every tick.
 
 Layers and zones are composed once, when a level is built or painted, into one raster each; a tick then reads the
-cell under the animal (`underfoot`).  Colours on the ground end at their cell's edge; height and slope are
+cell under the animal (`sample_ground`).  Colours on the ground end at their cell's edge; height and slope are
 continuous.
 
 Arrays are ``[iy, ix]``, row 0 in the south; cell ``(iy, ix)`` has its centre at
@@ -38,7 +38,7 @@ class Footing(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def underfoot(lo, hi, xyz, cell, surface, brush, heights, footing):
+def sample_ground(lo, hi, xyz, cell, surface, brush, heights, footing):
     """Write rows ``lo`` to ``hi``: the ground under each animal.
 
     Parameters
@@ -258,7 +258,7 @@ def fence_(blocked, polygon):
 
 
 def relief_of(height=None, cell=1.0, goes_on=False):
-    """Height and slope at the centre of every cell, ready for `underfoot`.
+    """Height and slope at the centre of every cell, ready for `sample_ground`.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.palette import Palette
 from flockbrush.systems.population import SpeciesList
 from flockbrush.systems.programs import Programs
-from flockbrush.systems.room import make_place
+from flockbrush.systems.room import place_newcomers
 
 MOST_AT_ONCE = 10_000  # animals that come back in one command, which must fit into one record
 
@@ -184,7 +184,7 @@ class BringBack:
         need(not np.isin(ids, agents.ids).any(), "some of these animals are there already")
         need(ids[-1] < world.next_entity, f"animal {ids[-1]} has never been in this world")
         self.fit(world, columns)
-        make_place(world, columns)
+        place_newcomers(world, columns)
         everybody = np.concatenate([agents.ids, ids])
         order = np.argsort(everybody, kind="stable")
         merged = {f: np.concatenate([agents[f], columns[f]])[order] for f in agents.arrays}

@@ -37,7 +37,7 @@ class Lists(NamedTuple):
         return self.near[self.first[row] : self.first[row + 1]]
 
 
-class Found(NamedTuple):
+class VisibleBySlot(NamedTuple):
     """Who is seen, as it was found: by slot, so that neighbours in turn are neighbours in memory."""
 
     cells: Any  # the herd as it was: `Cells`, or a `Space`
@@ -118,7 +118,7 @@ def visible_neighbours(cells, view_range, cos_half_view, edges=None, occlusion=T
     return lists_of(look_around(cells, view_range, cos_half_view, edges, occlusion, width))
 
 
-def look_around(cells, view_range, cos_half_view, edges=None, occlusion=True, width=64) -> Found:
+def look_around(cells, view_range, cos_half_view, edges=None, occlusion=True, width=64) -> VisibleBySlot:
     """What `visible_neighbours` makes its lists of, with the same parameters."""
     n, m = len(view_range), len(cells.x)
     edges = no_edges() if edges is None else edges
@@ -128,11 +128,11 @@ def look_around(cells, view_range, cos_half_view, edges=None, occlusion=True, wi
         views = Views(width, np.empty(m * width + LANES, np.int32), begin, count)
         over_rows(look, m, cells, eyes, edges, occlusion, sizes, views, chunk=CHUNK)
         if not lists_overflow(begin, cells.ghost):
-            return Found(cells, views.seen, begin, count)
+            return VisibleBySlot(cells, views.seen, begin, count)
         width = 2 * max(width, -(-int(count.sum()) // max(m, 1)))
 
 
-def lists_of(found: Found) -> Lists:
+def lists_of(found: VisibleBySlot) -> Lists:
     """The same by row."""
     cells, seen, begin, count = found
     first = np.zeros(len(count) + 1, np.int64)

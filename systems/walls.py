@@ -43,7 +43,7 @@ def around_obstacles(field, blocked, radius_cells):
     field = np.ascontiguousarray(field, np.float64)
     side = _sides(field, blocked) if radius_cells > 0 else np.zeros(blocked.shape)
     out = turn_(field, cancelling_field(field, blocked, radius_cells, side))
-    keep_out_(out, blocked)
+    remove_flow_into_walls_(out, blocked)
     return out
 
 
@@ -246,7 +246,7 @@ def choose_side_(side, cells, exits, field, blocked, top, left, limit):
 
 
 @njit(cache=True, nogil=True)
-def keep_out_(field, blocked):
+def remove_flow_into_walls_(field, blocked):
     """Take out of the field, in place, what leads into a blocked cell within a cell's length, lengths kept."""
     ny, nx = blocked.shape
     for iy in range(ny):

@@ -32,7 +32,7 @@ def record(kind, tick, data, claimed=None, pack=True):
 
 def recording_of(records):
     """The file of these (kind, tick, content), whatever they say."""
-    return recording_format.beginning(recording_format.FORMAT) + b"".join(record(*r) for r in records)
+    return recording_format.file_header(recording_format.FORMAT) + b"".join(record(*r) for r in records)
 
 
 def with_header(records, **changes):

@@ -10,7 +10,7 @@ off to one side before a danger that is straight ahead.
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.behaviours.behaviour import frozen, nobody_noticed, quantity
+from flockbrush.behaviours.behaviour import empty_noticed_lists, frozen, quantity
 from flockbrush.behaviours.drive import LOW, DriveParameters, Urges, drive, towards, within_wings
 from numba import njit
 
@@ -31,7 +31,7 @@ def flee(scene, rows, p):
     if bodies is None or (noticed is None and not bodies.alarm.any()):
         return None
     if noticed is None:
-        noticed = frozen(nobody_noticed(len(scene.ids)))
+        noticed = frozen(empty_noticed_lists(len(scene.ids)))
     away, fear = np.zeros((len(rows), 3)), np.zeros(len(rows))
     _flee(rows, noticed, bodies, scene.animals, scene.obstacle_first, scene.obstacle_offset, away, fear)
     if not fear.any():

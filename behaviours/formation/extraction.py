@@ -102,7 +102,7 @@ def _look(x, y, samples, seed):
         return front[0], None, "one bird alone" if n == 1 else "two birds do not make a formation"
     if max(np.ptp(x), np.ptp(y)) < 1e-6:
         return front[0], None, "all birds are marked on one point"
-    best = led(x, y, samples, seed)
+    best = fit_with_leader(x, y, samples, seed)
     if best is None:
         return front[0], None, "a cluster: no line, V or parabola fits the birds and their leader"
     refusal = _refusal(x - x[best.leader], y - y[best.leader], best.seen, samples, seed)
@@ -117,7 +117,7 @@ class Led(NamedTuple):
     cost: float
 
 
-def led(x, y, samples=None, seed=0) -> Led | None:
+def fit_with_leader(x, y, samples=None, seed=0) -> Led | None:
     """The leader and the cheapest curve: one of the front-most, near it while whoever flies ahead is off it.
 
     Parameters
@@ -150,7 +150,7 @@ def _refusal(x, y, curve, samples, seed):
     width = float(np.ptp(x[curve.inlier]))
     if width < CROWDED * (n - 1):
         return f"a cluster: the birds are {width / max(n - 1, 1):.2f} wingspans apart to the side"
-    if np.ptp(along) < max(ABREAST * width, TOLERANCE) and out <= allowed(n):
+    if np.ptp(along) < max(ABREAST * width, TOLERANCE) and out <= most_outliers(n):
         return "a row of birds abreast"
     short, others = _sides(x[curve.inlier])
     if curve.curve.model == "line" and short > max(1, SHORT_SIDE_OF_LINE * others):
@@ -159,16 +159,16 @@ def _refusal(x, y, curve, samples, seed):
         [fit(model, x, y, TOLERANCE, samples, seed, upside_down=True) for model in ("v", "parabola")] if n > 4 else []
     )
     cheaper = [candidate for candidate in turned if candidate is not None and candidate.cost < curve.cost - 1.0]
-    if cheaper and (~cheaper[0].inlier).sum() <= allowed(n):
+    if cheaper and (~cheaper[0].inlier).sum() <= most_outliers(n):
         return "it opens forward: an inverted V or U"
-    if out > allowed(n):
+    if out > most_outliers(n):
         if n <= 4:
             return f"{n} birds that are not in a line are too few to classify"
         return f"a cluster: {out} of {n} birds are off any curve"
     return ""
 
 
-def allowed(n):
+def most_outliers(n):
     """How many of n birds may be out of line; through few birds some curve goes by chance."""
     return int(n * (0.25 if n >= 10 else 0.15))
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from flockbrush.behaviours.tomlfile import read_bytes
 from flockbrush.engine import limits
-from flockbrush.engine.file_formats import misfit
+from flockbrush.engine.file_formats import format_error
 from flockbrush.engine.problems import Problem, ProblemsError
 
 SCHEMA = "flockbrush.formation/1"
@@ -178,7 +178,7 @@ def load_formation(path: str | os.PathLike) -> Formation:
 def read_formation(document: Any, name: str) -> Formation:
     """A formation from the parsed document of its file."""
     given = document.get("schema") if isinstance(document, dict) else type(document).__name__
-    if wrong := misfit(given, SCHEMA):
+    if wrong := format_error(given, SCHEMA):
         raise ProblemsError([Problem(name, None, "schema", wrong)])
     problems: list[Problem] = []
     frames = []

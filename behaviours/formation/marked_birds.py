@@ -7,7 +7,7 @@ import os
 
 import numpy as np
 from flockbrush.behaviours.formation.curves import fit
-from flockbrush.behaviours.formation.extraction import Marks, allowed, led
+from flockbrush.behaviours.formation.extraction import Marks, fit_with_leader, most_outliers
 from flockbrush.behaviours.tables import read_table
 from flockbrush.engine import limits
 from flockbrush.engine.problems import SHOWN, Problem, ProblemsError, did_you_mean
@@ -225,8 +225,8 @@ def _ways(points, turns):
     for turn in turns:
         c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
         x, y = points[:, 0] * s - points[:, 1] * c, points[:, 0] * c + points[:, 1] * s
-        best = led(x, y)
-        if best is None or best.seen.curve.model == "line" or (~best.seen.inlier).sum() > allowed(len(x)):
+        best = fit_with_leader(x, y)
+        if best is None or best.seen.curve.model == "line" or (~best.seen.inlier).sum() > most_outliers(len(x)):
             continue
         numbers = np.array(best.seen.curve.numbers[1:])
         on = best.seen.inlier

@@ -297,19 +297,19 @@ def _steer_rows(lo, hi, rows, flock, birds, around, rule, wish, weights, sums):
 def _decide(k, i, birds, around, rule, sums, at, wish):
     """Hand out the acceleration of one bird."""
     one, given = _bird_of(i, birds, sums[at + 10], sums[at + 11]), Given(0.0, 0.0, 0.0, 0.0)
-    given = handed_out(given, OBSTACLE, clear_of_obstacles(i, one, around, rule), rule, wish, k)
-    given = handed_out(given, SEPARATION, (sums[at], sums[at + 1], sums[at + 2]), rule, wish, k)
+    given = add_request(given, OBSTACLE, clear_of_obstacles(i, one, around, rule), rule, wish, k)
+    given = add_request(given, SEPARATION, (sums[at], sums[at + 1], sums[at + 2]), rule, wish, k)
     away, wish.pace[k] = away_from_danger(i, one, around, rule)
-    given = handed_out(given, FEAR, away, rule, wish, k)
+    given = add_request(given, FEAR, away, rule, wish, k)
     if sums[at + 9] > 0.0:
         share = one.per / sums[at + 9]
         mx, my, mz = sums[at + 3] * share - one.vx, sums[at + 4] * share - one.vy, sums[at + 5] * share - one.vz
-        given = handed_out(given, MATCHING, (mx * rule.soon, my * rule.soon, mz * rule.soon), rule, wish, k)
+        given = add_request(given, MATCHING, (mx * rule.soon, my * rule.soon, mz * rule.soon), rule, wish, k)
         share *= rule.per_range
         middle = sums[at + 6] * share, sums[at + 7] * share, sums[at + 8] * share
-        given = handed_out(given, CENTRING, middle, rule, wish, k)
-    given = handed_out(given, MIGRATION, to_target(i, one, around), rule, wish, k)
-    given = handed_out(given, HEIGHT, (0.0, 0.0, to_height(around.height[i], one, rule)), rule, wish, k)
+        given = add_request(given, CENTRING, middle, rule, wish, k)
+    given = add_request(given, MIGRATION, to_target(i, one, around), rule, wish, k)
+    given = add_request(given, HEIGHT, (0.0, 0.0, to_height(around.height[i], one, rule)), rule, wish, k)
     most = rule.most * one.own
     if rule.average:
         most = most / given.used if given.used > 0.0 else 0.0
@@ -328,7 +328,7 @@ def _bird_of(i, birds, per, speed):
 
 
 @lane_function
-def handed_out(given, urge, wanted, rule, wish, k):
+def add_request(given, urge, wanted, rule, wish, k):
     """What has been given with what this urge gets of its request, which is cut to 1, times its strength.
 
     By priority: until 1 is handed out.  In the average: all of it, and the strengths of those that ask are added up.

@@ -35,13 +35,13 @@ from flockbrush.behaviours.behaviour import (
     Parameters,
     Wishes,
     behaviour,
+    guided_parameter,
+    guided_share_parameter,
     quantity,
-    share_guided,
-    who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
-from flockbrush.behaviours.turning import InView, decayed, guide_of, reasons_of_turn
-from flockbrush.behaviours.wander import how_far, how_long, wander
+from flockbrush.behaviours.turning import InView, decaying_sum, guide_force, turn_contributions
+from flockbrush.behaviours.wander import wander, wander_parameter, wander_time_parameter
 from flockbrush.engine.maths import exp_, kernel_function, sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
@@ -78,11 +78,11 @@ class Params(Parameters):
         12.0, "rad/s", "turning away from obstacles and animals of other species at distance 0", 0, 200
     )
     max_turn: float = quantity(10.0, "rad/s", "fastest turn, random turns included", 0.01, 200)
-    wander: float = how_far(0.3)
-    wander_time: float = how_long()
+    wander: float = wander_parameter(0.3)
+    wander_time: float = wander_time_parameter()
     guidance_weight: float = quantity(3.0, "rad/s", "turning of an animal that follows a guide", 0, 200)
-    guided: Guided = who_is_guided("share", "all, a share, or only appointed ones; front: none in this model")
-    guided_share: float = share_guided()
+    guided: Guided = guided_parameter("share", "all, a share, or only appointed ones; front: none in this model")
+    guided_share: float = guided_share_parameter()
 
     sliders: ClassVar = {
         "tightness": DesignerSlider(
@@ -113,11 +113,11 @@ def explain(scene, row, p):
     like_them = _shared(offset[kin], forward, scene.forward[who[kin], :2], p.front_alignment)
     forces = {
         "cohesion": np.maximum(attraction, 0.0) @ to_them,
-        "avoidance": np.minimum(attraction, 0.0) @ to_them - p.obstacle_repulsion * decayed(offset[~kin], REACH),
+        "avoidance": np.minimum(attraction, 0.0) @ to_them - p.obstacle_repulsion * decaying_sum(offset[~kin], REACH),
         "alignment": alignment @ like_them,
-        "obstacles": -p.obstacle_repulsion * decayed(walls, REACH),
-    } | guide_of(scene, row, p.guidance_weight)
-    reasons = reasons_of_turn(forward, forces, scene.dt, p.max_turn * scene.dt)
+        "obstacles": -p.obstacle_repulsion * decaying_sum(walls, REACH),
+    } | guide_force(scene, row, p.guidance_weight)
+    reasons = turn_contributions(forward, forces, scene.dt, p.max_turn * scene.dt)
     direction = np.zeros((1, 3))
     _steer(scene, np.array([row], np.int32), p, direction)
     chance = direction[0, :2] - sum(reasons.values())

@@ -38,13 +38,13 @@ from flockbrush.behaviours.behaviour import (
     Parameters,
     Wishes,
     behaviour,
+    guided_parameter,
+    guided_share_parameter,
     quantity,
-    share_guided,
-    who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.behaviours.turning import InView
-from flockbrush.behaviours.wander import how_far, how_long, wander
+from flockbrush.behaviours.wander import wander, wander_parameter, wander_time_parameter
 from flockbrush.engine.lane_maths import exponential, lane_function, square_of_angle
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, splat8, store, total
 from flockbrush.engine.parallel import over_rows
@@ -97,10 +97,10 @@ class Params(Parameters):
     leader_blend: float = quantity(
         0.0, "1", "how strongly a leader also responds to its neighbours; 0: not at all", 0, 1
     )
-    guided: Guided = who_is_guided(
+    guided: Guided = guided_parameter(
         "front", "the leaders as defined above (front), all, a share, or only appointed ones"
     )
-    guided_share: float = share_guided()
+    guided_share: float = guided_share_parameter()
     unled: Literal["return", "keep"] = Field(
         default="return",
         description="what a leader does where no guide reaches: return to the others, or keep its heading (the paper)",
@@ -117,8 +117,8 @@ class Params(Parameters):
     turn_bias: float = quantity(
         0.0, "rad/s", "steady turning to the left; negative: to the right (0 in the paper); steadies mills", -10, 10
     )
-    wander: float = how_far(0.0, " (0 in the paper); loosens jams")
-    wander_time: float = how_long()
+    wander: float = wander_parameter(0.0, " (0 in the paper); loosens jams")
+    wander_time: float = wander_time_parameter()
 
     sliders: ClassVar = {
         "tightness": DesignerSlider(

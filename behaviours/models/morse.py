@@ -29,13 +29,13 @@ from flockbrush.behaviours.behaviour import (
     Parameters,
     Wishes,
     behaviour,
+    guided_parameter,
+    guided_share_parameter,
     quantity,
-    share_guided,
-    who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
-from flockbrush.behaviours.turning import InView, decayed, guide_of, reasons_of_turn
-from flockbrush.behaviours.wander import how_far, how_long, wander
+from flockbrush.behaviours.turning import InView, decaying_sum, guide_force, turn_contributions
+from flockbrush.behaviours.wander import wander, wander_parameter, wander_time_parameter
 from flockbrush.engine.lane_maths import exponential, lane_function
 from flockbrush.engine.lanes import EIGHT, fused, load8, pointer, root, splat8, total, where
 from flockbrush.engine.maths import sincos_
@@ -63,11 +63,11 @@ class Params(Parameters):
         0.5, "1/s", "how firmly an animal keeps to its own speed (α); 0: forces only turn it", 0, 100
     )
     max_turn: float = quantity(10.0, "rad/s", "fastest turn, random turns included", 0.01, 200)
-    wander: float = how_far(0.15)
-    wander_time: float = how_long()
+    wander: float = wander_parameter(0.15)
+    wander_time: float = wander_time_parameter()
     guidance_weight: float = quantity(6.0, "body lengths/s²", "force of a guide on animals that follow it", 0, 1000)
-    guided: Guided = who_is_guided("share", "all, a share, or only appointed ones; front: none in this model")
-    guided_share: float = share_guided()
+    guided: Guided = guided_parameter("share", "all, a share, or only appointed ones; front: none in this model")
+    guided_share: float = guided_share_parameter()
 
     sliders: ClassVar = {
         "tightness": DesignerSlider("Loose to tightly packed", (moves("attraction", 1.0, 100.0, True),)),
@@ -85,12 +85,12 @@ def explain(scene, row, p):
     """
     forward, (_, offset, kin, walls) = scene.forward[row, :2], InView.of(scene, row)
     forces = {
-        "cohesion": p.attraction * decayed(offset[kin], p.attraction_reach) / max(kin.sum(), 1),
-        "avoidance": -p.repulsion * decayed(offset, p.repulsion_reach),
-        "obstacles": -p.repulsion * decayed(walls, p.repulsion_reach),
-    } | guide_of(scene, row, p.guidance_weight)
+        "cohesion": p.attraction * decaying_sum(offset[kin], p.attraction_reach) / max(kin.sum(), 1),
+        "avoidance": -p.repulsion * decaying_sum(offset, p.repulsion_reach),
+        "obstacles": -p.repulsion * decaying_sum(walls, p.repulsion_reach),
+    } | guide_force(scene, row, p.guidance_weight)
     speed = max(np.hypot(*scene.velocity[row, :2]) / scene.length[row], CRAWL)
-    reasons = reasons_of_turn(forward, forces, scene.dt / speed, p.max_turn * scene.dt)
+    reasons = turn_contributions(forward, forces, scene.dt / speed, p.max_turn * scene.dt)
     direction, pace = np.zeros((1, 3)), np.ones(1)
     _steer(scene, np.array([row], np.int32), p, direction, pace)
     chance = direction[0, :2] - sum(reasons.values())

@@ -33,13 +33,13 @@ from flockbrush.behaviours.behaviour import (
     Parameters,
     Wishes,
     behaviour,
+    guided_parameter,
+    guided_share_parameter,
     quantity,
-    share_guided,
-    who_is_guided,
 )
 from flockbrush.behaviours.sliders import SLIDERS, DesignerSlider, moves
 from flockbrush.behaviours.turning import InView
-from flockbrush.behaviours.wander import how_far, how_long, wander
+from flockbrush.behaviours.wander import wander, wander_parameter, wander_time_parameter
 from flockbrush.engine.maths import atan2_, kernel_function, sincos_
 from flockbrush.engine.parallel import over_rows
 from numba import njit
@@ -61,11 +61,11 @@ class Params(Parameters):
         90.0, "degrees", "angle behind in which others neither orient nor attract it (360° - α)", 0, 360
     )
     max_turn: float = quantity(0.7, "rad/s", "fastest turn, random turns included (θ)", 0.01, 200)
-    wander: float = how_far(0.16, " (σ)")
-    wander_time: float = how_long()
+    wander: float = wander_parameter(0.16, " (σ)")
+    wander_time: float = wander_time_parameter()
     guidance_weight: float = quantity(0.5, "1", "weight of a guide against the other animals (ω)", 0, 100)
-    guided: Guided = who_is_guided("share", "all, a share, or only appointed ones; front: none in this model")
-    guided_share: float = share_guided()
+    guided: Guided = guided_parameter("share", "all, a share, or only appointed ones; front: none in this model")
+    guided_share: float = guided_share_parameter()
 
     sliders: ClassVar = {
         "tightness": DesignerSlider(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flockbrush.behaviours.amounts import Length, TimeRange
-from flockbrush.behaviours.trigger import KIN, Condition, Names, Reference, condition, count_seen, given
+from flockbrush.behaviours.trigger import KIN, Condition, Names, Reference, condition, count_seen, field
 
 
 @condition
@@ -12,9 +12,9 @@ class AloneFor(Condition):
 
     remembers = True
 
-    alone_for: TimeRange = given(..., "how long; with a range, each animal draws its own")
-    species: Names = given((KIN,), "species that must be absent: names, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "animals farther away than this do not count")
+    alone_for: TimeRange = field(..., "how long; with a range, each animal draws its own")
+    species: Names = field((KIN,), "species that must be absent: names, `kin`, `others` or `anyone`")
+    within: Length | None = field(None, "animals farther away than this do not count")
 
     def holds(self, senses, rows):
         last = senses.last(self, rows)

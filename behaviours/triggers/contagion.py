@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.amounts import Length
-from flockbrush.behaviours.trigger import KIN, Condition, Names, Reference, condition, count_seen, given
+from flockbrush.behaviours.trigger import KIN, Condition, Names, Reference, condition, count_seen, field
 
 
 @condition
 class ShareOfSeenIn(Condition):
     """At least a share of the visible neighbours is in a state."""
 
-    share_of_seen_in: Names = given(..., "states of the same program; PROGRAM/STATE names a state of another program")
-    at_least: float = given(..., "share of the visible animals", gt=0, le=1)
-    species: Names = given((KIN,), "species to count: names, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "animals farther away than this do not count")
-    of: int = given(1, "smallest number of visible animals", ge=1, le=10_000)
+    share_of_seen_in: Names = field(..., "states of the same program; PROGRAM/STATE names a state of another program")
+    at_least: float = field(..., "share of the visible animals", gt=0, le=1)
+    species: Names = field((KIN,), "species to count: names, `kin`, `others` or `anyone`")
+    within: Length | None = field(None, "animals farther away than this do not count")
+    of: int = field(1, "smallest number of visible animals", ge=1, le=10_000)
 
     def holds(self, senses, rows):
         flags = np.zeros(len(senses.ids), np.uint8)

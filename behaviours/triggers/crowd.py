@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flockbrush.behaviours.amounts import Length
-from flockbrush.behaviours.trigger import ANYONE, Condition, Names, Reference, condition, count_seen, given
+from flockbrush.behaviours.trigger import ANYONE, Condition, Names, Reference, condition, count_seen, field
 
 
 class _Count(Condition):
@@ -20,9 +20,9 @@ class _Count(Condition):
 class SeesMoreThan(_Count):
     """The animal sees more neighbours than this."""
 
-    sees_more_than: int = given(..., "number of animals", ge=0, le=10_000)
-    species: Names = given((ANYONE,), "species to count: names, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "animals farther away than this do not count")
+    sees_more_than: int = field(..., "number of animals", ge=0, le=10_000)
+    species: Names = field((ANYONE,), "species to count: names, `kin`, `others` or `anyone`")
+    within: Length | None = field(None, "animals farther away than this do not count")
 
     def holds(self, senses, rows):
         return self.count(senses, rows) > self.sees_more_than
@@ -32,9 +32,9 @@ class SeesMoreThan(_Count):
 class SeesFewerThan(_Count):
     """The animal sees fewer neighbours than this."""
 
-    sees_fewer_than: int = given(..., "number of animals", ge=1, le=10_000)
-    species: Names = given((ANYONE,), "species to count: names, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "animals farther away than this do not count")
+    sees_fewer_than: int = field(..., "number of animals", ge=1, le=10_000)
+    species: Names = field((ANYONE,), "species to count: names, `kin`, `others` or `anyone`")
+    within: Length | None = field(None, "animals farther away than this do not count")
 
     def holds(self, senses, rows):
         return self.count(senses, rows) < self.sees_fewer_than

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.amounts import Length
-from flockbrush.behaviours.trigger import ANYONE, KIN, OTHERS, Condition, Names, Reference, condition, count_seen, given
+from flockbrush.behaviours.trigger import ANYONE, KIN, OTHERS, Condition, Names, Reference, condition, count_seen, field
 from flockbrush.engine.seam import short_way_
 from numba import njit
 
@@ -13,7 +13,7 @@ from numba import njit
 class EventHeard(Condition):
     """The animal hears a named event from a script, Python, the mouse, a zone or another trigger."""
 
-    event: str = given(..., "name of the event", min_length=1)
+    event: str = field(..., "name of the event", min_length=1)
 
     def holds(self, senses, rows):
         heard = np.zeros(len(rows), bool)
@@ -45,8 +45,8 @@ class DeathOf(Condition):
     """An animal was removed from the world (caught, arrived, deleted) where this animal could see it."""
 
     needs = ("deaths",)
-    death_of: Names = given(..., "species, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "largest distance")
+    death_of: Names = field(..., "species, `kin`, `others` or `anyone`")
+    within: Length | None = field(None, "largest distance")
 
     def holds(self, senses, rows):
         held = np.zeros(len(rows), bool)
@@ -68,8 +68,8 @@ class BirthOf(Condition):
     """An animal was born or added to the world where this animal can see it."""
 
     needs = ("births",)
-    birth_of: Names = given(..., "species, `kin`, `others` or `anyone`")
-    within: Length | None = given(None, "largest distance")
+    birth_of: Names = field(..., "species, `kin`, `others` or `anyone`")
+    within: Length | None = field(None, "largest distance")
 
     def holds(self, senses, rows):
         if not senses.births.any():

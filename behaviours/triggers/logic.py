@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from flockbrush.behaviours.trigger import Condition, answer, condition, given
+from flockbrush.behaviours.trigger import Condition, answer, condition, field
 
 
 @condition
@@ -11,7 +11,7 @@ class All(Condition):
     """All of these conditions hold."""
 
     inner = "many"
-    all: tuple[Condition, ...] = given(..., "conditions")
+    all: tuple[Condition, ...] = field(..., "conditions")
 
     def holds(self, senses, rows):
         held = np.ones(len(rows), bool)
@@ -30,7 +30,7 @@ class Any(Condition):
     """At least one of these conditions holds."""
 
     inner = "many"
-    any: tuple[Condition, ...] = given(..., "conditions")
+    any: tuple[Condition, ...] = field(..., "conditions")
 
     def holds(self, senses, rows):
         held = np.zeros(len(rows), bool)
@@ -50,7 +50,7 @@ class Not(Condition):
 
     word = "not"  # no name for a field of Python
     inner = "one"
-    denied: Condition = given(..., "a condition")
+    denied: Condition = field(..., "a condition")
 
     def holds(self, senses, rows):
         return ~answer(self.denied, senses, rows)

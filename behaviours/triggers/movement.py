@@ -6,14 +6,14 @@ from typing import Literal
 
 import numpy as np
 from flockbrush.behaviours.amounts import Acceleration, Height, Slope, Speed
-from flockbrush.behaviours.trigger import Condition, condition, given
+from flockbrush.behaviours.trigger import Condition, condition, field
 
 
 @condition
 class SpeedAbove(Condition):
     """The animal is faster than this."""
 
-    speed_above: Speed = given(..., "how fast")
+    speed_above: Speed = field(..., "how fast")
 
     def holds(self, senses, rows):
         return np.sqrt((senses.velocity[rows] ** 2).sum(1)) > self.speed_above.of(senses.length[rows])
@@ -23,7 +23,7 @@ class SpeedAbove(Condition):
 class SpeedBelow(Condition):
     """The animal is slower than this."""
 
-    speed_below: Speed = given(..., "how fast")
+    speed_below: Speed = field(..., "how fast")
 
     def holds(self, senses, rows):
         return np.sqrt((senses.velocity[rows] ** 2).sum(1)) < self.speed_below.of(senses.length[rows])
@@ -34,7 +34,7 @@ class AccelerationAbove(Condition):
     """The acceleration in the last tick (speeding up, slowing down or turning) was larger than this."""
 
     needs = ("before",)
-    acceleration_above: Acceleration = given(..., "smallest acceleration")
+    acceleration_above: Acceleration = field(..., "smallest acceleration")
 
     def holds(self, senses, rows):
         change = (senses.velocity[rows] - senses.before[rows]) / senses.dt
@@ -45,7 +45,7 @@ class AccelerationAbove(Condition):
 class SlopeAbove(Condition):
     """The ground underfoot is steeper than this, whichever way it faces."""
 
-    slope_above: Slope = given(..., "rise per metre, per cent or degrees")
+    slope_above: Slope = field(..., "rise per metre, per cent or degrees")
 
     def holds(self, senses, rows):
         return np.sqrt((senses.slope[rows] ** 2).sum(1)) > self.slope_above.low
@@ -55,7 +55,7 @@ class SlopeAbove(Condition):
 class SlopeBelow(Condition):
     """The ground underfoot is less steep than this."""
 
-    slope_below: Slope = given(..., "rise per metre, per cent or degrees")
+    slope_below: Slope = field(..., "rise per metre, per cent or degrees")
 
     def holds(self, senses, rows):
         return np.sqrt((senses.slope[rows] ** 2).sum(1)) < self.slope_below.low
@@ -72,8 +72,8 @@ class _Height(Condition):
 class HeightAbove(_Height):
     """The animal is higher than this."""
 
-    height_above: Height = given(..., "how high")
-    over: Literal["ground", "sea"] = given(
+    height_above: Height = field(..., "how high")
+    over: Literal["ground", "sea"] = field(
         "ground", "ground: height above the ground below; sea: height above 0 of the level"
     )
 
@@ -85,8 +85,8 @@ class HeightAbove(_Height):
 class HeightBelow(_Height):
     """The animal is lower than this."""
 
-    height_below: Height = given(..., "how high")
-    over: Literal["ground", "sea"] = given(
+    height_below: Height = field(..., "how high")
+    over: Literal["ground", "sea"] = field(
         "ground", "ground: height above the ground below; sea: height above 0 of the level"
     )
 

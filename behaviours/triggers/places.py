@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.amounts import Length
-from flockbrush.behaviours.trigger import Condition, Reference, condition, given
+from flockbrush.behaviours.trigger import Condition, Reference, condition, field
 
 
 @condition
 class ReachesGoal(Condition):
     """The animal is in a goal."""
 
-    reaches_goal: str = given(..., "a goal of the level; `its own` is the goal that the animal is heading for")
+    reaches_goal: str = field(..., "a goal of the level; `its own` is the goal that the animal is heading for")
 
     def holds(self, senses, rows):
         return senses.at_goal("" if self.reaches_goal == "its own" else self.reaches_goal)[rows]
@@ -25,9 +25,9 @@ class ReachesGoal(Condition):
 class DistanceTo(Condition):
     """The horizontal distance to the centre of a place, the nearest one of the name, is in a range."""
 
-    distance_to: str = given(..., "a goal, a zone or an area of the level")
-    below: Length | None = given(None, "nearer than this")
-    above: Length | None = given(None, "farther than this")
+    distance_to: str = field(..., "a goal, a zone or an area of the level")
+    below: Length | None = field(None, "nearer than this")
+    above: Length | None = field(None, "farther than this")
 
     def holds(self, senses, rows):
         away = senses.away(self.distance_to)[rows]

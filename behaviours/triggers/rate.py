@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.amounts import Length, Rate
-from flockbrush.behaviours.trigger import KIN, OTHERS, Condition, Names, NeighbourFilter, Reference, condition, given
+from flockbrush.behaviours.trigger import KIN, OTHERS, Condition, Names, NeighbourFilter, Reference, condition, field
 from flockbrush.engine.maths import exp_, log_
 from flockbrush.engine.noise import uniform_
 from flockbrush.engine.parallel import over_rows
@@ -20,21 +20,21 @@ class RandomRate(Condition):
     rate ((l / spread or packed / l) (1 + gain m))^power (Ginelli et al. 2015, eqs. 1 and 2).
     """
 
-    rate: Rate = given(..., "the rate")
-    imitating: Names | None = given(
+    rate: Rate = field(..., "the rate")
+    imitating: Names | None = field(
         None, "states of visible neighbours that increase the rate; PROGRAM/STATE names a state of another program"
     )
-    gain: float = given(1.0, "multiplies the rate by 1 + gain × the number of such neighbours", ge=0, le=10_000)
-    power: float = given(1.0, "exponent of the product of all these factors", ge=0.1, le=10)
-    spread: Length | None = given(
+    gain: float = field(1.0, "multiplies the rate by 1 + gain × the number of such neighbours", ge=0, le=10_000)
+    power: float = field(1.0, "exponent of the product of all these factors", ge=0.1, le=10)
+    spread: Length | None = field(
         None, "multiplies the rate by the mean distance of the nearest neighbours, divided by this"
     )
-    packed: Length | None = given(
+    packed: Length | None = field(
         None, "multiplies the rate by this, divided by the mean distance of the nearest neighbours"
     )
-    nearest: int = given(0, "number of nearest neighbours that count; 0: all visible ones", ge=0, le=100)
-    within: Length | None = given(None, "neighbours farther away than this do not count")
-    species: Names = given((KIN,), "species that count: names, `kin`, `others` or `anyone`")
+    nearest: int = field(0, "number of nearest neighbours that count; 0: all visible ones", ge=0, le=100)
+    within: Length | None = field(None, "neighbours farther away than this do not count")
+    species: Names = field((KIN,), "species that count: names, `kin`, `others` or `anyone`")
 
     def holds(self, senses, rows):
         many = len(senses.ids)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flockbrush.behaviours.amounts import TimeRange
-from flockbrush.behaviours.trigger import Condition, Reference, condition, given
+from flockbrush.behaviours.trigger import Condition, Reference, condition, field
 
 
 class _Region(Condition):
@@ -30,7 +30,7 @@ class _Region(Condition):
 class Inside(Condition):
     """The animal is in a region."""
 
-    inside: str = given(..., "a zone, an area or a goal of the level")
+    inside: str = field(..., "a zone, an area or a goal of the level")
 
     def holds(self, senses, rows):
         return senses.inside(self.inside)[rows]
@@ -43,7 +43,7 @@ class Inside(Condition):
 class Enters(_Region):
     """The animal enters a region in this tick. An animal born in the region does not enter it."""
 
-    enters: str = given(..., "a zone, an area or a goal of the level")
+    enters: str = field(..., "a zone, an area or a goal of the level")
 
     def holds(self, senses, rows):
         return senses.inside(self.enters)[rows] & (senses.last(self, rows) < senses.tick - 1)
@@ -53,7 +53,7 @@ class Enters(_Region):
 class Leaves(_Region):
     """The animal leaves a region in this tick."""
 
-    leaves: str = given(..., "a zone, an area or a goal of the level")
+    leaves: str = field(..., "a zone, an area or a goal of the level")
 
     def holds(self, senses, rows):
         return ~senses.inside(self.leaves)[rows] & (senses.last(self, rows) == senses.tick - 1)
@@ -66,8 +66,8 @@ class SinceIn(_Region):
     The time counts from birth if the animal was never there.
     """
 
-    since_in: str = given(..., "a zone, an area or a goal of the level")
-    at_least: TimeRange = given(..., "how long ago; with a range, each animal draws its own")
+    since_in: str = field(..., "a zone, an area or a goal of the level")
+    at_least: TimeRange = field(..., "how long ago; with a range, each animal draws its own")
 
     def holds(self, senses, rows):
         last = senses.last(self, rows)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from flockbrush.behaviours.amounts import Length
-from flockbrush.behaviours.trigger import Condition, Names, Reference, condition, count_seen, given
+from flockbrush.behaviours.trigger import Condition, Names, Reference, condition, count_seen, field
 
 
 @condition
 class Sees(Condition):
     """The animal sees at least one animal of a species. Walls hide animals."""
 
-    sees: Names = given(..., "species, `kin` (its own kind), `others` (any other) or `anyone`")
-    within: Length | None = given(None, "animals farther away than this do not count")
+    sees: Names = field(..., "species, `kin` (its own kind), `others` (any other) or `anyone`")
+    within: Length | None = field(None, "animals farther away than this do not count")
 
     def holds(self, senses, rows):
         return count_seen(senses, rows, self.sees, self.within) > 0
@@ -24,7 +24,7 @@ class Sees(Condition):
 class AnyoneWithin(Condition):
     """The animal sees any other animal within a distance."""
 
-    anyone_within: Length = given(..., "largest distance")
+    anyone_within: Length = field(..., "largest distance")
 
     def holds(self, senses, rows):
         return count_seen(senses, rows, within=self.anyone_within) > 0

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from flockbrush.behaviours.amounts import Time, TimeRange
-from flockbrush.behaviours.trigger import Condition, Reference, condition, given
+from flockbrush.behaviours.trigger import Condition, Reference, condition, field
 
 
 @condition
 class LevelTime(Condition):
     """The time since the start of the level is in a range."""
 
-    level_time: Time = given(..., "earliest time")
-    until: Time | None = given(None, "latest time")
+    level_time: Time = field(..., "earliest time")
+    until: Time | None = field(None, "latest time")
 
     def holds(self, senses, rows):
         now = senses.tick * senses.dt
@@ -28,7 +28,7 @@ class LevelTime(Condition):
 class TimeInState(Condition):
     """The animal has been in its state for at least this time."""
 
-    time_in_state: TimeRange = given(..., "how long; with a range, each animal draws its own")
+    time_in_state: TimeRange = field(..., "how long; with a range, each animal draws its own")
 
     def holds(self, senses, rows):
         since = senses.since[rows]
@@ -45,8 +45,8 @@ class SinceState(Condition):
 
     remembers = True
 
-    since_state: str = given(..., "a state")
-    at_least: TimeRange = given(..., "how long ago; with a range, each animal draws its own")
+    since_state: str = field(..., "a state")
+    at_least: TimeRange = field(..., "how long ago; with a range, each animal draws its own")
 
     def holds(self, senses, rows):
         last = senses.last(self, rows)

@@ -10,7 +10,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from flockbrush.behaviours.v_rules.rules import VRuleSettings, barred, dodge, kernel, law_of, sort_by, turned, wish
+from flockbrush.behaviours.v_rules.rules import (
+    VRuleSettings,
+    dodge,
+    kernel,
+    law_of,
+    sort_by,
+    turned,
+    wish,
+    would_collide,
+)
 from flockbrush.engine.arrays import write_
 from flockbrush.engine.maths import inner_kernel
 from flockbrush.engine.noise import Noise, key_, normal_, uniform_
@@ -178,6 +187,6 @@ def shift(law, i, kin, n, seen, flock, by_x, key, entity, angle):
         bx = mx + law.perturbation * normal_(key, entity, 2)
         by = my + law.perturbation * normal_(key, entity, 3)
         bz = mz + (law.perturbation * normal_(key, entity, 4) if law.layer > 0.0 else 0.0)
-        if not barred(law, i, n, x, y, z, bx, by, bz):
+        if not would_collide(law, i, n, x, y, z, bx, by, bz):
             mx, my, mz = bx, by, bz
     return acts, angle, mx, my, mz

@@ -54,7 +54,7 @@ def lines_of(xyz, rules: VRuleSettings = VRuleSettings()):  # noqa: B008  frozen
     return lines[: _lines(follows, np.zeros((2, n), np.int64), lines)]
 
 
-def leads_of(xyz, rules: VRuleSettings = VRuleSettings()):  # noqa: B008  frozen
+def leaders_of(xyz, rules: VRuleSettings = VRuleSettings()):  # noqa: B008  frozen
     """(n,) bool, birds of one flock in no other bird's upwash."""
     xyz = np.ascontiguousarray(xyz, np.float64)
     follows = np.zeros((len(xyz), len(xyz)), np.bool_)

@@ -295,7 +295,7 @@ def _in_view(law, i, owner, n, x, y, z, tip, side):
 
 
 @kernel
-def barred(law, i, n, x, y, z, mx, my, mz):
+def would_collide(law, i, n, x, y, z, mx, my, mz):
     """Whether a displacement would bring bird i too near another; birds too near already may part."""
     for k in range(n):
         dx, dy = abs(x[k] - x[i] - mx), abs(y[k] - y[i] - my)
@@ -310,11 +310,11 @@ def barred(law, i, n, x, y, z, mx, my, mz):
 @kernel
 def dodge(law, i, n, x, y, z, mx, my, mz, coin):
     """The displacement a bird really makes: one that is blocked moves forward or back by chance, if it can."""
-    if not barred(law, i, n, x, y, z, mx, my, mz):
+    if not would_collide(law, i, n, x, y, z, mx, my, mz):
         return mx, my, mz
     if law.coin:
         my = law.forward if coin < 0.5 else -law.forward
-        if not barred(law, i, n, x, y, z, 0.0, my, 0.0):
+        if not would_collide(law, i, n, x, y, z, 0.0, my, 0.0):
             return 0.0, my, 0.0
     return 0.0, 0.0, 0.0
 

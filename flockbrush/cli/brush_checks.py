@@ -11,7 +11,7 @@ from flockbrush.behaviours.brush import PATH_SUFFIX, SUFFIX
 from flockbrush.behaviours.mixture import load_path
 from flockbrush.behaviours.tomlfile import read_bytes
 from flockbrush.cli.level_commands import find_brush
-from flockbrush.levels.libraries import library_beside
+from flockbrush.levels.libraries import library_for_file
 from flockbrush.runs import terminal
 from flockbrush.runs.terminal import any_refused, print_line
 
@@ -38,7 +38,7 @@ def _check_path(name):
     path = load_path(source, name)
     ends = path.start, path.end
     beside = [file for end in ends if (file := Path(name).with_name(end + SUFFIX)).is_file()]
-    library = library_beside(name).with_files({file.name: read_bytes(file) for file in beside})
+    library = library_for_file(name).with_files({file.name: read_bytes(file) for file in beside})
     known = [end for end in ends if library.file_of(end) is not None]
     load_path(source, name, map(library.get, known))  # its detour, by the brushes
     kind = "even" if path.even else "bistable" if path.bistable else "uneven"

@@ -10,7 +10,7 @@ from flockbrush.behaviours.brush_conversion import convert
 from flockbrush.behaviours.species import SUFFIX
 from flockbrush.behaviours.tomlfile import read_bytes
 from flockbrush.engine.files import held, refused, write_bytes
-from flockbrush.levels.libraries import library_beside
+from flockbrush.levels.libraries import library_for_file
 from flockbrush.runs import terminal
 from flockbrush.runs.terminal import any_refused, print_line
 
@@ -24,7 +24,7 @@ def convert_brushes(files, species="", output=None):
 def _convert(path, species, output):
     """Convert one file and return the text to print."""
     folder = path.parent if output is None else Path(output)
-    fauna = library_beside(path).species
+    fauna = library_for_file(path).species
     if convert(read_bytes(path), str(path), fauna, species) is None:
         return "nothing to convert"
     if not folder.is_dir():

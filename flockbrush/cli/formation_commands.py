@@ -25,7 +25,7 @@ from flockbrush.render import write_png
 from flockbrush.render.canvas import Canvas
 from flockbrush.render.style import PALETTE, rgb, theme_of
 from flockbrush.runs.terminal import number, print_json, progress, say, show, table
-from flockbrush.systems.initiation import initiate, scattered, target_of
+from flockbrush.systems.initiation import initiate, random_flock, target_of
 
 WINGSPAN, SPEED, HEIGHT = 1.6, 16.0, 50.0  # m, m/s, m: of grey geese, for flights in metres
 
@@ -207,7 +207,7 @@ def initiation(kinds, birds, runs, seed, ablate, out, json):
 def _cell(kind, birds, runs, seed, rules):
     """One row of the table: a shape, a number of birds, a set of rules."""
     goal = target_of(*textbook(kind, birds))
-    flown = [initiate(*scattered(birds, seed + run), goal, rules) for run in range(runs)]
+    flown = [initiate(*random_flock(birds, seed + run), goal, rules) for run in range(runs)]
     frames = [one.frames for one in flown if one.frames >= 0]
     return {
         "runs": runs,

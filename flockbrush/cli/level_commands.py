@@ -452,15 +452,15 @@ def _value(value):
 
 def preview_brush(name, output, agents, seconds, seed, start, theme, palette):
     """Draw animals under a brush on an endless plane."""
-    from flockbrush.behaviours.brush import usual_body
-    from flockbrush.levels.libraries import library_beside
+    from flockbrush.behaviours.brush import default_body
+    from flockbrush.levels.libraries import library_for_file
     from flockbrush.output.preview import preview
     from flockbrush.render.style import theme_of
 
     check_png(output)
     brush = find_brush(name)
     if not brush.has_own_body:
-        body = usual_body(brush.made_for, library_beside(name).species)
+        body = default_body(brush.made_for, library_for_file(name).species)
         brush = brush.model_copy(update={"body": body})
     ticks_of(RunRequest("", seconds=seconds), 1 / 32)
     with terminal.Interrupts(), terminal.compiling():

@@ -17,13 +17,13 @@ from flockbrush.cli.shared_options import wrong
 from flockbrush.engine.files import refused
 from flockbrush.engine.problems import Problem, ProblemsError, did_you_mean
 from flockbrush.levels.build import build
-from flockbrush.levels.libraries import library_beside, programs_beside
+from flockbrush.levels.libraries import library_for_file, programs_for_file
 from flockbrush.levels.schema import Level, Spawn
 from flockbrush.runs import terminal
 from flockbrush.runs.terminal import any_refused, print_json, print_line, say, show, styled, table
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.program_commands import Event
-from flockbrush.systems.program_reports import counts, transitions
+from flockbrush.systems.program_reports import count_by_state, transitions
 from flockbrush.systems.selection import check_can_follow
 
 DENSITY = 0.25  # animals per square body length at the start of a test
@@ -117,10 +117,10 @@ def check_programs(files):
 
 def _check_program(name):
     program, file = find_program(name)
-    library = library_beside(name)
+    library = library_for_file(name)
     if wrong := known_brushes(program, library.names(), file):
         raise ProblemsError(wrong)
-    for line in oddities(program, file, library.species.names(), programs_beside(name)):
+    for line in oddities(program, file, library.species.names(), programs_for_file(name)):
         say(f"note: {line}")
     size = f"{len(program.states)} states, {len(program.triggers)} triggers"
     print_line(f"{name}: ok: {program.title or program.name}, {size}")
@@ -200,7 +200,7 @@ def _box(west, south, east, north):
 def test_program(name, animals, seconds, seed, species, intruder, events, json):
     """Run a program on a plane; print the number of animals in each state over time, and the transitions."""
     program, file = find_program(name)
-    library = library_beside(name)
+    library = library_for_file(name)
     wrong = known_brushes(program, library.names(), file)
     if wrong:
         raise ProblemsError(wrong)
@@ -223,7 +223,7 @@ def test_program(name, animals, seconds, seed, species, intruder, events, json):
                 if tick:
                     simulation.tick()
                 if tick % every == 0 or tick == ticks:
-                    series.append((simulation.clock.now, counts(simulation.world)[program.name]))
+                    series.append((simulation.clock.now, count_by_state(simulation.world)[program.name]))
                 interrupts.check()
                 bar(tick)
     report = {

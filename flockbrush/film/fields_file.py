@@ -13,7 +13,7 @@ import numpy as np
 
 from flockbrush.behaviours.tomlfile import check_plain
 from flockbrush.engine import limits
-from flockbrush.engine.file_formats import misfit
+from flockbrush.engine.file_formats import format_error
 from flockbrush.engine.files import refused
 
 SCHEMA = "flockbrush.fields/1"
@@ -67,7 +67,7 @@ def _arrays(path, file):
     with np.load(file, allow_pickle=False) as archive:
         if not hasattr(archive, "files") or "schema" not in archive.files:
             raise refused(path, f"{_UNKNOWN}: it has no schema; make a fields file with flockbrush fields CLIP")
-        if wrong := misfit(str(archive["schema"]), SCHEMA):
+        if wrong := format_error(str(archive["schema"]), SCHEMA):
             raise refused(path, f"schema {wrong}")
         return {name: archive[name] for name in archive.files}
 

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flockbrush.behaviours.wander import half_waves_alike
+from flockbrush.behaviours.wander import half_wave_correlation
 
 PAIRS = 200  # pairs of sights of one animal that a covariance needs
 TRACKS = 8  # animals that are needed, and groups of them that are left out in turn to tell the error
@@ -52,7 +52,7 @@ class SpeedProcess:
     likely: float = 1.0  # 1/s, what to take for it, told or not
     individual: float = 0.0  # standard deviation of the usual speeds of animals, BL/s
     common: float = 0.0  # standard deviation of the usual speed of the herd in time, BL/s
-    common_time: float = 3.0  # s for which that lasts (`flockbrush.behaviours.wander.half_waves_alike`)
+    common_time: float = 3.0  # s for which that lasts (`flockbrush.behaviours.wander.half_wave_correlation`)
 
     @property
     def deviation(self) -> float | None:
@@ -252,9 +252,9 @@ def _common(herd, fps, first, own, mean):
 
 
 def _followed(lags, time, rate):
-    """Covariance of what follows, at a rate, a usual speed of variance 1 that lasts for a time (`half_waves_alike`)."""
+    """Covariance of a speed that follows, at a rate, one of variance 1 that lasts (`half_wave_correlation`)."""
     if rate * time > 50.0:  # at once
-        return half_waves_alike(lags / time)
+        return half_wave_correlation(lags / time)
     u = np.linspace(-2.0, 2.0, 2001) * time
     follows = 0.5 * rate * np.exp(-rate * np.abs(lags[:, None] - u))
-    return np.trapezoid(follows * half_waves_alike(u / time), u, axis=1)
+    return np.trapezoid(follows * half_wave_correlation(u / time), u, axis=1)

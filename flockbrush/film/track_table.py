@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flockbrush.engine import limits
-from flockbrush.engine.file_formats import newer
+from flockbrush.engine.file_formats import newer_format
 from flockbrush.engine.files import refused
 
 SCHEMA = "flockbrush.trajectory/1"  # of tables of runs
@@ -249,6 +249,6 @@ def beside(path) -> dict:
 
 def known_format(path, about: dict) -> dict:
     """The metadata of a table, from a file; ProblemsError when they state a newer version of its format."""
-    if told := newer(about.get("schema"), SCHEMA):
+    if told := newer_format(about.get("schema"), SCHEMA):
         raise refused(path, f"schema {told}")
     return about

@@ -15,7 +15,7 @@ from flockbrush.behaviours.models.herd import Params
 from flockbrush.engine.maths import sincos_
 from flockbrush.systems.decide import LeaderRules, Members, RoleState, roles_kernel
 from flockbrush.systems.grid import sort_into_cells
-from flockbrush.systems.perception import chosen_of_one_kind
+from flockbrush.systems.perception import filtered_of_one_kind
 from flockbrush.systems.senses import cosine_of_half_kernel, nearest_points_kernel
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
@@ -79,7 +79,7 @@ def perceive(xy, forward, body=None, vision=None, params=None, *, walls=None) ->
     cells = sort_into_cells(xyz, facing, np.full(n, 2 * (half + radius)), np.full(n, radius), reach)
     hides = vision.occlusion and vision.sight not in BODILESS
     lists = visible_neighbours(cells, np.full(n, reach), np.full(n, cosine_of(vision)), solid, hides)
-    lists = chosen_of_one_kind(lists, vision.sight, vision.neighbours)
+    lists = filtered_of_one_kind(lists, vision.sight, vision.neighbours)
     leader, memory, known = _leaders(xyz, facing, lists, params)
     first, near, offset = lists
     owner = NO_OWNER if walls is None else walls.owner

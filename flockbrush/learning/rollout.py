@@ -37,8 +37,17 @@ from flockbrush.systems.contact import move
 from flockbrush.systems.decide import Members, RoleState, roles_kernel
 from flockbrush.systems.grid import sort_into_cells
 from flockbrush.systems.ground_edges import outline_edges
-from flockbrush.systems.pace import PaceRules, PaceState, Walkers, company, crowding, pace_kernel, pause, speed_chance
-from flockbrush.systems.perception import chosen_of_one_kind
+from flockbrush.systems.pace import (
+    PaceRules,
+    PaceState,
+    Walkers,
+    crowding,
+    pace_kernel,
+    pause,
+    speed_chance,
+    walking_share,
+)
+from flockbrush.systems.perception import filtered_of_one_kind
 from flockbrush.systems.visibility import edges_by_cell, no_edges, visible_neighbours
 
 DT = 1 / 32  # s, the tick of a level
@@ -358,7 +367,7 @@ class PlaneHerd:
             return
         cells = sort_into_cells(self.xyz, self.forward, self.size, self.thick, self.range)
         lists = visible_neighbours(cells, self.views, self.cosines, self.solid, self.occlusion)
-        lists = chosen_of_one_kind(lists, self.vision.sight, self.vision.neighbours)
+        lists = filtered_of_one_kind(lists, self.vision.sight, self.vision.neighbours)
         walls = walls_in_sight(self.xyz, self.views, self.solid, self.owner)
         members = Members(self.ids, self.xyz, self.length, self.none, self.none)
         roles_kernel(0, n, self.forward, *lists, members, self.roles, RoleState(self.leader, self.memory, self.known))
@@ -398,7 +407,7 @@ class PlaneHerd:
         pace_kernel(0, n, walkers, self.pace_rules, chance, self.dt, self.pace)
         if self.spec.stops > 0.0:
             walking = np.full(n, -1.0)
-            company(0, n, cells, self.length, was, walking)
+            walking_share(0, n, cells, self.length, was, walking)
             pause(0, n, walkers, self.pace_rules, was, walking, key("pause", self.tick_number), self.dt, self.pace)
 
 

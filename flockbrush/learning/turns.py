@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.behaviours.models.herd import Params
-from flockbrush.behaviours.wander import usual_turn
+from flockbrush.behaviours.wander import rms_turn
 from flockbrush.engine.parallel import over_rows
 from flockbrush.film.missing_animals import trust
 from flockbrush.learning.normal_equations import normal_equations
@@ -203,7 +203,7 @@ def predicted(turns: Turns, theta, params=None, sloped=True):
     params = params or Params()
     k = len(turns.rows)
     turn, slope = np.empty(k), np.empty((k, 12) if sloped else (0, 0, 12))
-    limit, drift = params.max_turn * turns.dt, usual_turn(params.wander, params.wander_time, turns.dt)
+    limit, drift = params.max_turn * turns.dt, rms_turn(params.wander, params.wander_time, turns.dt)
     law = TurnLaw(params.sensitivity, params.neighbour_range, limit, drift, params.turn_bias * turns.dt)
     spun = np.empty((len(turns.spin), 2))
     spin_kernel(turns.spin * turns.dt, spun)

@@ -6,7 +6,7 @@ from functools import cache
 from importlib.metadata import entry_points
 
 from flockbrush.engine.commands import commands
-from flockbrush.engine.fingerprint import Build, build_of, differing_files, differing_packages, some_of
+from flockbrush.engine.fingerprint import Build, build_of, differing_files, differing_packages, first_names
 
 RUNNING = tuple(f"flockbrush.{room}" for room in ("engine", "components", "behaviours", "systems", "levels"))
 OURS = ("flockbrush", *RUNNING)  # RUNNING: what a tick and the beginning of a run are made of
@@ -93,7 +93,7 @@ def differences(there, build: Build, own=None):
     if not isinstance(there.get("code"), str) or not sources:
         differing["code"] = "unknown code"
     elif there["code"] != build.code and files:
-        differing["code"] = f"other code: {some_of(files)}"
+        differing["code"] = f"other code: {first_names(files)}"
     libraries = differing_packages(packages, build.packages)
     if libraries:
         differing["libraries"] = ", ".join(libraries)

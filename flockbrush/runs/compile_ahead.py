@@ -13,7 +13,7 @@ import threading
 import time
 from contextlib import contextmanager, suppress
 
-from flockbrush.engine.kernel_calls import is_kept, key_of, stored_kernels
+from flockbrush.engine.kernel_calls import is_cached, key_of, stored_kernels
 from flockbrush.engine.parallel import threads
 from flockbrush.runs import kernel_helper, terminal
 from flockbrush.runs.process_pool import no_interrupts
@@ -74,7 +74,7 @@ class CompileAhead:
         self._known.add(key_of(kernel.py_func.__module__, kernel.py_func.__qualname__, types))
         if not self._begun:
             self._begun = True
-            if threads() > 1 and is_kept(kernel) and stored_kernels() < FEW_STORED:
+            if threads() > 1 and is_cached(kernel) and stored_kernels() < FEW_STORED:
                 self._begin()
         elif self._helpers and not self._ended:
             self._compile_found()

@@ -21,7 +21,7 @@ from flockbrush.engine.recording import RecordingError, resume
 from flockbrush.engine.schedule import Stage
 from flockbrush.engine.state import StateError, check_beginning, column_of, parts_of, snapshot, state_hash
 from flockbrush.engine.state_comparison import Difference, compare
-from flockbrush.engine.trail import as_row, column_named, only_row, rows_in, sum_in, traces, values_of
+from flockbrush.engine.trail import as_row, column_named, column_sum, only_row, rows_in, traces, values_of
 from flockbrush.runs.terminal import finite
 
 HERE = "replayed"
@@ -218,7 +218,7 @@ def _by_count(there, here):
     if abs(more) != 1:
         return Difference(IDS, abs(more) or None, [], [], [], None)
     words = ["not alive", "lives"][::more]
-    return Difference(IDS, 1, [more * (sum_in(here) - sum_in(there))], words[:1], words[1:], None)
+    return Difference(IDS, 1, [more * (column_sum(here) - column_sum(there))], words[:1], words[1:], None)
 
 
 def _go_on(run, report, simulation):

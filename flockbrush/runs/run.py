@@ -29,7 +29,7 @@ from flockbrush.engine.recording_format import packed_size
 from flockbrush.engine.state import snapshot_parts, state_hash
 from flockbrush.levels.build import Simulation, build
 from flockbrush.levels.checked_nodes import parsed_document
-from flockbrush.levels.document_nodes import every_layer, values_of, without
+from flockbrush.levels.document_nodes import every_layer, properties_without, values_of
 from flockbrush.levels.libraries import brush_library, put_brush, recorded_library
 from flockbrush.levels.reader import read_level, read_level_files
 from flockbrush.levels.schema import CLASSES
@@ -132,7 +132,7 @@ def _with_brush(level, library, brush):
             layer["objects"] = [thing for thing in layer["objects"] if not _is_key_of_programs(thing)]
         for thing in layer.get("objects", []):
             if thing["id"] in spawns:
-                others = without(thing, CLASSES["Spawn"], ("brush", "program"))
+                others = properties_without(thing, CLASSES["Spawn"], ("brush", "program"))
                 thing["properties"] = [*others, {"name": "brush", "type": "string", "value": asset.name}]
     files[name] = json.dumps(document).encode()
     if others := [file for file in put_brush(files, asset.name, asset.source) if file in level.files]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flockbrush.behaviours.v_rules.flights import fly, starts
-from flockbrush.behaviours.v_rules.indicators import SHAPES, indicators, leads_of, lines_of
+from flockbrush.behaviours.v_rules.indicators import SHAPES, indicators, leaders_of, lines_of
 from flockbrush.engine.files import whole
 from flockbrush.output.figures import ChartCurve, CurveChart, drawing_problems, figure_of, write_figure
 from flockbrush.render import write_png
@@ -81,7 +81,7 @@ def _formation(canvas, corner, sample, box, look):
     canvas.line(frame, 1, look.muted, 0.35, closed=True)
     for a, b in lines_of(sample.xyz, sample.rules):
         canvas.line(at(sample.xyz[[a, b]]), 1.3, rgb(PALETTE[0]), 0.7, dash=(5, 4))
-    leads = leads_of(sample.xyz, sample.rules)
+    leads = leaders_of(sample.xyz, sample.rules)
     wing = 0.5 * scale
     for centre, lead in zip(at(sample.xyz), leads, strict=True):
         colour = rgb(PALETTE[5]) if lead else look.ink

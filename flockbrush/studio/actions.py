@@ -28,7 +28,7 @@ from flockbrush.studio.tools.world_tools import KINDS, SPOKEN, free_name
 from flockbrush.studio.video_recorder import RunningVideo
 from flockbrush.systems.edits import as_command
 from flockbrush.systems.level_lists import without_place
-from flockbrush.systems.mark_commands import PlaceKey, own_place
+from flockbrush.systems.mark_commands import PlaceKey, default_place
 
 
 class AppActions:
@@ -366,7 +366,7 @@ class AppActions:
         def give(texts):
             try:
                 command = changed(shown_command, {row: text for row, text in texts.items() if row != "when"})
-                args = said(command, own_place(name, vars(command), xy))
+                args = said(command, default_place(name, vars(command), xy))
                 at = number(texts["when"], "time")
                 place = PlaceKey(key.id if key else self.new_id(), called, at, name, args, *xy)
                 return self.do(f"{'change' if key else 'place'} a script key", [*needed(self.session, command), place])

@@ -11,7 +11,7 @@ import pygame_gui
 from pygame_gui.elements import UIButton, UIDropDownMenu, UILabel, UIScrollingContainer, UITextEntryLine
 
 from flockbrush.components.level_things import degrees_text, radians_of
-from flockbrush.engine.commands import commands, from_record, places_of, usual_values
+from flockbrush.engine.commands import commands, default_values, from_record, place_fields
 from flockbrush.levels.schema import CLASSES
 from flockbrush.studio.dialogs import Modal
 from flockbrush.studio.theme import px
@@ -61,7 +61,7 @@ def changed(command, texts):
 
 def said(command, here) -> dict:
     """The arguments of a script key that gives a command: its fields, but what it has from its place or by default."""
-    left_out = usual_values(type(command)) | here
+    left_out = default_values(type(command)) | here
     return {name: value for name, value in vars(command).items() if name not in left_out or value != left_out[name]}
 
 
@@ -81,7 +81,7 @@ def live_commands() -> dict[str, type]:
 def blank(kind, xy):
     """A command to begin with, at a point of the ground: fields without a default are 0 or empty."""
     here = [round(float(v), 2) for v in xy[:2]]
-    values: dict = {name: v for pair in places_of(kind, {}) for name, v in zip(pair, here, strict=True)}
+    values: dict = {name: v for pair in place_fields(kind, {}) for name, v in zip(pair, here, strict=True)}
     for field in fields(kind):
         if field.name in values:
             continue

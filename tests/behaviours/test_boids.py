@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.models.boids import URGES, Given, Params, WishColumns, handed_out, rule_of
+from flockbrush.behaviours.models.boids import URGES, Given, Params, WishColumns, add_request, rule_of
 from flockbrush.components import Body, Heading, Position, Velocity
 from flockbrush.engine.raster import Raster
 from flockbrush.systems.commands import Migrate
@@ -145,7 +145,7 @@ def test_a_bird_behind_another_is_seen_only_without_occlusion():
 def _hand_out(requests, rule, wish):
     given = Given(0.0, 0.0, 0.0, 0.0)
     for urge in range(len(requests)):
-        given = handed_out(given, urge, (requests[urge, 0], requests[urge, 1], requests[urge, 2]), rule, wish, 0)
+        given = add_request(given, urge, (requests[urge, 0], requests[urge, 1], requests[urge, 2]), rule, wish, 0)
     return given
 
 

@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from flockbrush.behaviours.tomlfile import parse_toml, read_bytes, spelled
+from flockbrush.behaviours.tomlfile import key_text, parse_toml, read_bytes
 from flockbrush.engine import limits
 from flockbrush.engine.problems import ProblemsError
 
@@ -93,8 +93,8 @@ def test_a_key_that_is_missing_has_the_line_of_its_table(meadow):
 
 
 def test_keys_are_spelled_as_people_write_them():
-    assert spelled(("speed", "by_density", 2, 0)) == "speed.by_density[2][0]"
-    assert spelled(("two words", "\x1b[31m")) == "'two words'.'\\x1b[31m'"
+    assert key_text(("speed", "by_density", 2, 0)) == "speed.by_density[2][0]"
+    assert key_text(("two words", "\x1b[31m")) == "'two words'.'\\x1b[31m'"
 
 
 def test_lines_count_the_same_with_the_line_ends_of_windows_and_a_byte_order_mark():

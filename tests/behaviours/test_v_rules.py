@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.behaviours.v_rules.flights import SIDE, fly, starts
-from flockbrush.behaviours.v_rules.indicators import SHAPES, indicators, leads_of, lines_of
+from flockbrush.behaviours.v_rules.indicators import SHAPES, indicators, leaders_of, lines_of
 from flockbrush.behaviours.v_rules.rules import OVERLAP, VRuleSettings, law_of, wish
 from flockbrush.components import Position, Velocity
 from flockbrush.engine.noise import Noise, key_
@@ -271,7 +271,7 @@ def test_a_straight_v_lies_on_its_two_lines_and_a_bird_beside_it_does_not():
 def test_lines_run_from_the_last_birds_to_the_lead():
     v = flock((0, 0), *arm(2, 1), *arm(3, -1))[0]
     assert sorted(map(tuple, lines_of(v).tolist())) == [(2, 0), (5, 0)]
-    assert leads_of(v).tolist() == [True] + [False] * 5
+    assert leaders_of(v).tolist() == [True] + [False] * 5
 
 
 def test_lines_end_where_two_birds_follow_one():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flockbrush.behaviours.wander import lasting, random_turns, usual_turn, wander_kernel
+from flockbrush.behaviours.wander import lasting, random_turns, rms_turn, wander_kernel
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.state import restore, snapshot, state_hash
 from small_herd import brush, forward_of, meadow, put
@@ -48,7 +48,7 @@ def test_turns_last_about_as_long_as_asked_for():
     lag = np.array([0.25, 1.0, 2.0])  # in wander times: the half wave beside itself, later
     told = 0.5 * (2.0 - lag) * np.cos(0.5 * np.pi * lag) + np.sin(0.5 * np.pi * lag) / np.pi
     assert alike == pytest.approx([*told, 0.0], abs=0.02)
-    assert np.sqrt(np.mean(rate**2)) == pytest.approx(usual_turn(WANDER, 0.5, 1 / 32), rel=0.02)
+    assert np.sqrt(np.mean(rate**2)) == pytest.approx(rms_turn(WANDER, 0.5, 1 / 32), rel=0.02)
 
 
 def test_up_to_a_tick_each_tick_has_a_turn_of_its_own():

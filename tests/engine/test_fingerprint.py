@@ -4,7 +4,7 @@ import shutil
 import sys
 
 import pytest
-from flockbrush.engine.fingerprint import _sources, build_of, differing_files, differing_packages, some_of
+from flockbrush.engine.fingerprint import _sources, build_of, differing_files, differing_packages, first_names
 
 
 @pytest.fixture
@@ -90,5 +90,5 @@ def test_versions_that_differ_are_told_with_both():
 
 
 def test_many_names_are_cut():
-    assert some_of(list("abcdefg")) == "a, b, c, d, e and 2 more"
-    assert some_of(["a"]) == "a"
+    assert first_names(list("abcdefg")) == "a, b, c, d, e and 2 more"
+    assert first_names(["a"]) == "a"

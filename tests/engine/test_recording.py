@@ -176,7 +176,7 @@ def damaged(at, by):
         (lambda data: b"", "empty"),
         (lambda data: b"hello, world, this is text", "not a recording"),
         (lambda data: data[:5], "cut off in its header"),
-        (lambda data: recording_format.beginning(9) + data[16:], "newer"),
+        (lambda data: recording_format.file_header(9) + data[16:], "newer"),
         (damaged(8, b"\x07"), "header is damaged"),
         (damaged(60, b"\xff\xff"), "header is damaged"),
         (lambda data: data[:100], "header is damaged or was cut off"),
@@ -203,7 +203,7 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path):
 
 
 def beginning(header):
-    return recording_format.beginning(1) + crafted.record(b"H", 1, json.dumps(header).encode())
+    return recording_format.file_header(1) + crafted.record(b"H", 1, json.dumps(header).encode())
 
 
 @pytest.mark.parametrize(

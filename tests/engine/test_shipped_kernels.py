@@ -6,7 +6,7 @@ import os
 import llvmlite.binding
 import pytest
 from flockbrush.engine import shipped_kernels
-from flockbrush.engine.shipped_kernels import CPUS, FOLDER, TABLE, cache_name, kind, take
+from flockbrush.engine.shipped_kernels import CPUS, FOLDER, TABLE, cache_name, kind, use_shipped_kernels
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def _copied(house):
 
 
 def test_they_are_copied_to_where_numba_looks(house):
-    take(house, house.parent / "place")
+    use_shipped_kernels(house, house.parent / "place")
     place = house.parent / "place" / cache_name(house / "flockbrush" / "systems")
     assert (place / "sight.nbi").read_text() == "index" and (place / "sight.1.nbc").read_text() == "code"
     assert os.environ["NUMBA_CPU_NAME"] == "x86-64-v3" and os.environ["NUMBA_CPU_FEATURES"] == ""
@@ -48,7 +48,7 @@ def test_numba_looks_there(house):
 def test_the_best_processor_is_taken(house, monkeypatch):
     able = dict.fromkeys(CPUS["x86-64-v4"], True)
     monkeypatch.setattr(llvmlite.binding, "get_host_cpu_features", lambda: able)
-    take(house, house.parent / "place")
+    use_shipped_kernels(house, house.parent / "place")
     assert os.environ["NUMBA_CPU_NAME"] == "x86-64-v4"
 
 
@@ -62,7 +62,7 @@ def test_they_are_left_where_they_do_not_fit(house, monkeypatch, what):
         (house / FOLDER / TABLE).unlink()
     else:
         _tell(house, kind() | {what: "0.1"}, list(CPUS))
-    take(house, house.parent / "place")
+    use_shipped_kernels(house, house.parent / "place")
     assert _copied(house) == set() and os.environ.get("NUMBA_CPU_NAME") in (None, "generic")
 
 
@@ -71,14 +71,14 @@ def test_they_are_copied_once_and_whoever_has_no_room_compiles(house, monkeypatc
         raise OSError("no space left")
 
     monkeypatch.setattr(shipped_kernels.shutil, "copyfile", full)
-    take(house, house.parent / "place")
+    use_shipped_kernels(house, house.parent / "place")
     assert "NUMBA_CPU_NAME" not in os.environ
     monkeypatch.undo()
     monkeypatch.setattr(os, "environ", {})
     monkeypatch.setattr(llvmlite.binding, "get_host_cpu_features", lambda: dict.fromkeys(CPUS["x86-64-v3"], True))
-    take(house, house.parent / "place")
+    use_shipped_kernels(house, house.parent / "place")
     before = _copied(house)
     (house / FOLDER / "systems" / "later.nbc").write_text("code")
     monkeypatch.setattr(os, "environ", {})
-    take(house, house.parent / "place")
+    use_shipped_kernels(house, house.parent / "place")
     assert _copied(house) == before and len(before) == 3 and os.environ["NUMBA_CPU_NAME"] == "x86-64-v3"

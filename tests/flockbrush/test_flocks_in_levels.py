@@ -2,7 +2,7 @@
 
 import numpy as np
 from flockbrush.components import Body, BrushBinding, Heading, Position, Velocity
-from flockbrush.systems.foresight import in_the_way
+from flockbrush.systems.foresight import solids_to_avoid
 from flockbrush.systems.landscape import Landscape
 from flockbrush.systems.measures import compute_largest_part, compute_polarization
 from flockbrush.systems.palette import Palette
@@ -52,7 +52,7 @@ def test_sparrows_fly_among_grazing_elephants_and_into_none_and_burst_before_the
         xyz = agents[Position.xyz]
         spread.append(np.linalg.norm(xyz[sparrows] - xyz[sparrows].mean(0), axis=1).mean())
         pace.append(np.linalg.norm(agents[Velocity.xyz][sparrows], axis=1).mean())
-        solids = in_the_way(agents, land.sky, aloft)
+        solids = solids_to_avoid(agents, land.sky, aloft)
         bodies = range(len(land.sky.kind), len(solids.kind))  # the elephants
         gaps = np.min([gaps_to_solid(solids, k, xyz[aloft]) for k in bodies], axis=0) - agents[Body.radius][aloft]
         assert gaps.min() > 0

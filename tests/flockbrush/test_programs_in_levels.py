@@ -10,7 +10,7 @@ from flockbrush.behaviours.program import load_program, save_program, shipped_pr
 from flockbrush.components import Body
 from flockbrush.engine.locks import Advice
 from flockbrush.engine.problems import ProblemsError
-from flockbrush.levels.libraries import library_beside
+from flockbrush.levels.libraries import library_for_file
 from flockbrush.levels.reader import read_level
 from flockbrush.systems.fauna import SpeciesList
 
@@ -198,7 +198,7 @@ def test_a_program_is_tried_with_the_species_beside_it(cli, tmp_path):
     file.parent.mkdir()
     file.write_text(OWN + '[[trigger]]\nto = "go"\nwhen = { sees = "yak" }\n')
     assert "there is no species" not in cli("program", "check", file).err
-    simulation = plane_for(load_program(file), library_beside(file), 4, "yak", ("wolf", "wolf-hunt"), 0)
+    simulation = plane_for(load_program(file), library_for_file(file), 4, "yak", ("wolf", "wolf-hunt"), 0)
     fauna = simulation.world.resource(SpeciesList)
     assert np.all(simulation.agents[Body.length] == 3.0) and fauna.relations.notice[0].max() == 40.0
     simulation.close()

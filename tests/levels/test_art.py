@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from flockbrush.engine import limits
 from flockbrush.levels.adopt import adopt
-from flockbrush.levels.art import ArtLayer, lay, read_art
-from flockbrush.levels.ground_rules import GroundRules, TileFacts, suggested
+from flockbrush.levels.art import ArtLayer, composite, read_art
+from flockbrush.levels.ground_rules import GroundRules, TileFacts, suggest_rules
 from foreign_maps import EXAMPLES, OF_TILED, foreign_map
 from small_level import herd, level, objects, problems, properties, read, tiles, tileset
 
@@ -131,9 +131,9 @@ class TestWhatIsArt:
 
 def test_a_picture_that_reaches_over_the_edge_is_cut():
     canvas, spot = np.zeros((4, 4, 4), np.uint8), np.full((3, 3, 4), 255, np.uint8)
-    lay(canvas, spot, -2, 3)
+    composite(canvas, spot, -2, 3)
     assert canvas[:, :, 3].tolist() == [[0] * 4, [0] * 4, [0] * 4, [255, 0, 0, 0]]
-    lay(canvas, spot, 9, 9)
+    composite(canvas, spot, 9, 9)
     assert ArtLayer("x", 1.0, 0, 0).gids is None
 
 
@@ -312,7 +312,7 @@ class TestRules:
             **tileset(),
             "tiles": [{"id": k, "properties": properties(speed=v)} for k, v in enumerate((1.0, 50.0))],
         }
-        assert suggested([sheet], []) == []
+        assert suggest_rules([sheet], []) == []
 
     def test_there_may_be_as_many_rules_as_the_documentation_says(self):
         assert self.ground("\n".join(f"layer {'x' * 900} {k} = cliff" for k in range(100)), []) is None
@@ -322,7 +322,7 @@ class TestRules:
         wang = [{"colors": [{"name": "Sand"}, {"name": "Plasma"}]}]
         walls, solid = {"properties": properties(walkable=False)}, {"objectgroup": {"objects": [{}]}}
         sheet = {**tileset(), "wangsets": wang, "tiles": [{"type": "Water"}, walls, solid]}
-        rules = suggested([sheet], ["Walls", "Ground"])
+        rules = suggest_rules([sheet], ["Walls", "Ground"])
         assert rules == [
             "class Water = deep water",
             "property walkable:false = walkable=false",

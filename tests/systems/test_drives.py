@@ -9,7 +9,7 @@ from flockbrush.behaviours.species import SpeciesLibrary, shipped_species
 from flockbrush.components import Family, Heading, Position, Speed, Thrust, Transit, Urge, Velocity, Wish
 from flockbrush.engine.plugins import PluginError
 from flockbrush.engine.raster import Raster
-from flockbrush.systems.allocation import asked, with_wishes
+from flockbrush.systems.allocation import allocated_shares, with_wishes
 from flockbrush.systems.commands import Migrate
 from flockbrush.systems.fauna import SpeciesList
 from flockbrush.systems.steer import scene_of
@@ -185,10 +185,10 @@ def test_drives_take_their_shares_in_order_and_the_model_gets_the_rest():
         (One("second", 0.6), None),
         (One("third", 1.0), None),
     ]
-    taken = asked(None, np.arange(2), order)
+    taken = allocated_shares(None, np.arange(2), order)
     assert taken.names == ["first", "second", "third"]
     assert taken.share.tolist() == [[0.7, 0.7], pytest.approx([0.3, 0.3]), [0.0, 0.0]]
-    assert asked(None, np.arange(2), order[1:2]) is None
+    assert allocated_shares(None, np.arange(2), order[1:2]) is None
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from flockbrush.components import FormationPlace, Heading, Position, ReferenceBi
 from flockbrush.engine.state import restore, snapshot, state_hash
 from flockbrush.systems.commands import Migrate, SwitchBrush
 from flockbrush.systems.gusts import Gust
-from flockbrush.systems.initiation import scattered
+from flockbrush.systems.initiation import random_flock
 from flockbrush.systems.palette import Palette
 from small_herd import brush, meadow, put, put_aloft, straight
 
@@ -26,7 +26,7 @@ def geese(name="geese", **parameters):
 def flock(birds=9, seed=3, height=50.0, **parameters):
     """Scattered geese over an endless plain, their leader flying north."""
     simulation = meadow(geese(**parameters), boundary="open")
-    x, y, heading = scattered(birds, seed)
+    x, y, heading = random_flock(birds, seed)
     put(simulation, np.c_[x * WING, y * WING], np.pi / 2 - 0.5 * heading)
     agents = simulation.agents
     agents[Position.xyz][:, 2] = height

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.systems.hidden_points import RADIUS_FACTOR
-from flockbrush.systems.perception import chosen_of_one_kind
+from flockbrush.systems.perception import filtered_of_one_kind
 from flockbrush.systems.visibility import Lists
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,7 +17,7 @@ def visible(points):
     first = np.full(n + 2, n)
     first[0] = 0
     lists = Lists(first, np.arange(1, n + 1, dtype=np.int32), points)
-    return (chosen_of_one_kind(lists, "hidden_points", 0).of(0) - 1).tolist()
+    return (filtered_of_one_kind(lists, "hidden_points", 0).of(0) - 1).tolist()
 
 
 def by_qhull(points):

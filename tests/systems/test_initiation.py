@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flockbrush.behaviours.formation.formation_shapes import textbook
 from flockbrush.behaviours.formation.reaching import FormingRules, home_, part_in_height, reach_
-from flockbrush.systems.initiation import Flying, Following, decide, initiate, scattered, target_of
+from flockbrush.systems.initiation import Flying, Following, decide, initiate, random_flock, target_of
 
 ALONE = FormingRules(
     hidden_points=True,
@@ -106,7 +106,7 @@ def test_whom_a_bird_does_not_perceive_it_does_not_follow_and_a_lost_reference_i
 
 
 def test_birds_that_see_far_enough_find_their_places_and_those_that_do_not_never():
-    x, y, heading = scattered(9, 3)
+    x, y, heading = random_flock(9, 3)
     target = target_of(0.9 * np.arange(-4, 5), -0.8 * np.abs(0.9 * np.arange(-4, 5)))
     whole = initiate(x, y, heading, target)
     assert initiate(x, y, heading, target, reach=60.0).frames == whole.frames > 0
@@ -156,7 +156,7 @@ def test_birds_that_follow_one_another_in_a_ring_look_again():
 @pytest.mark.parametrize("birds", [9, 28])
 def test_scattered_birds_find_their_places_and_touch_nobody_on_the_way(kind, birds):
     for seed in (11, 12, 13):
-        went = initiate(*scattered(birds, seed), target(kind, birds))
+        went = initiate(*random_flock(birds, seed), target(kind, birds))
         assert 0 < went.frames < 1500
         assert went.least >= 0.5
         assert went.longest < 4 * birds
@@ -165,7 +165,7 @@ def test_scattered_birds_find_their_places_and_touch_nobody_on_the_way(kind, bir
 @pytest.mark.parametrize("start", ["column", "row", "two flocks", "cluster"])
 def test_they_find_them_from_anywhere(start):
     n = 14
-    x, y, heading = scattered(n, 5)
+    x, y, heading = random_flock(n, 5)
     if start == "column":
         x, y = 0.2 * np.sin(np.arange(n)), -1.5 * np.arange(n)
     elif start == "row":
@@ -173,7 +173,7 @@ def test_they_find_them_from_anywhere(start):
     elif start == "two flocks":
         x = x + np.where(np.arange(n) < 7, -15, 15)
     else:
-        x, y, heading = *scattered(n, 5, density=2.0, gap=0.9)[:2], 0.2 * heading
+        x, y, heading = *random_flock(n, 5, density=2.0, gap=0.9)[:2], 0.2 * heading
     went = initiate(x, y, heading, target("V", n))
     assert went.frames > 0
     assert went.least >= 0.5
@@ -184,11 +184,11 @@ def test_a_bird_may_have_its_place_level_with_or_ahead_of_the_one_it_follows():
     y = np.array([-1.0, -0.4, -1.0, -0.4, 0.0, -0.4, -1.0, -0.4, -0.4])
     assert (target_of(x, y).dy[:, 1:] <= 0).sum() == 3
     for seed in range(4):
-        assert initiate(*scattered(9, 40 + seed), target_of(x, y)).frames > 0
+        assert initiate(*random_flock(9, 40 + seed), target_of(x, y)).frames > 0
 
 
 def test_the_papers_rules_alone_do_not_get_there():
-    assert [initiate(*scattered(9, seed), target(), ALONE, most=3000).frames for seed in range(3)] == [-1] * 3
+    assert [initiate(*random_flock(9, seed), target(), ALONE, most=3000).frames for seed in range(3)] == [-1] * 3
 
 
 def test_a_flock_that_stands_in_formation_stays():
@@ -198,9 +198,9 @@ def test_a_flock_that_stands_in_formation_stays():
 
 
 def test_positions_are_kept_when_asked():
-    went = initiate(*scattered(5, 1), target("V", 5), step=10)
+    went = initiate(*random_flock(5, 1), target("V", 5), step=10)
     assert went.track.shape[1:] == (5, 3)
     assert len(went.track) == (went.frames + 60) // 10 + 1
-    assert initiate(*scattered(5, 1), target("V", 5)).track.shape[0] == 0
-    again = initiate(*scattered(5, 1), target("V", 5), step=10)
+    assert initiate(*random_flock(5, 1), target("V", 5)).track.shape[0] == 0
+    again = initiate(*random_flock(5, 1), target("V", 5), step=10)
     assert again.track.tolist() == went.track.tolist()

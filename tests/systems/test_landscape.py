@@ -76,7 +76,7 @@ def test_a_further_property_of_the_ground_is_read_painted_and_undone(monkeypatch
     ground, mud, swamp = Terrain.blank((40, 40)), {"name": "mud", "colour": "#83705a"}, TerrainKind("swamp", "#333333")
     west = np.zeros((40, 40), bool)
     west[:, :20] = True
-    ground.put(west, {**terrain_kinds.bare(), **mud, "depth": 0.3})
+    ground.put(west, {**terrain_kinds.default_terrain(), **mud, "depth": 0.3})
     swamp.values["depth"] = 2.0
     simulation = meadow(WALK, terrain=ground, kinds=[swamp])  # no tileset has this mud: it is as it was read
     land, places = land_of(simulation), [(1.5, 1.5, 0.0), (30.0, 1.5, 0.0), (-9.0, 99.0, 0.0)]
@@ -97,7 +97,7 @@ def test_models_drives_and_conditions_ask_for_the_ground_under_each_animal(monke
     terrain_property("depth", 0.5, "how deep animals sink in", "m", low=0, high=2)
     ground, west = Terrain.blank((40, 40)), np.zeros((40, 40), bool)
     west[:, :20] = True
-    ground.put(west, {**terrain_kinds.bare(), "name": "mud", "colour": "#83705a", "depth": 0.3})
+    ground.put(west, {**terrain_kinds.default_terrain(), "name": "mud", "colour": "#83705a", "depth": 0.3})
     simulation = meadow(WALK, terrain=ground)
     put(simulation, [(3, 5), (33, 5)])
     simulation.run(1)

@@ -27,7 +27,7 @@ from flockbrush.engine.recording import first_difference, open_recording, state_
 from flockbrush.engine.state import restore, snapshot
 from flockbrush.levels.build import plane
 from flockbrush.systems.explain import explain
-from flockbrush.systems.leaders import Appoint, Steer, lead_by_brush
+from flockbrush.systems.leaders import Appoint, Steer, assign_leaders
 from flockbrush.systems.undo import rows_of
 from small_herd import boids, meadow, obstacle, put, put_aloft
 from small_herd import box as square
@@ -62,7 +62,7 @@ def test_a_guide_is_followed_by_those_whom_the_brush_names_and_only_where_there_
         simulation.run(1)
         agents = simulation.agents
         agents[Ground.guidance][:] = (1.0, 0.0)
-        lead_by_brush(simulation.world)
+        assign_leaders(simulation.world)
         assert low <= agents[Role.leader].mean() <= high, rule
     away = packed(guided='"everyone"')
     away.run(2)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flockbrush.behaviours.behaviour import TAKES_UP
-from flockbrush.behaviours.wander import half_waves_alike
+from flockbrush.behaviours.wander import half_wave_correlation
 from flockbrush.components import Body, BrushBinding, Ground, Heading, Position, Speed, Velocity, Wish
 from flockbrush.engine.noise import Noise
 from flockbrush.engine.raster import Raster
@@ -131,7 +131,7 @@ def test_what_a_herd_does_together_is_normal_and_lasts_as_long_as_half_waves_do(
     assert abs(drawn.mean()) < 0.03 and drawn.var() == pytest.approx(1.0, abs=0.03)
     assert abs((drawn**3).mean()) < 0.1 and (drawn**4).mean() == pytest.approx(3.0, abs=0.5)
     for k, lag in enumerate((0.0, 0.5, 1.0, 2.0)):
-        assert (drawn[:, 0] * drawn[:, k]).mean() == pytest.approx(half_waves_alike(lag), abs=0.04)
+        assert (drawn[:, 0] * drawn[:, k]).mean() == pytest.approx(half_wave_correlation(lag), abs=0.04)
 
 
 @pytest.mark.parametrize(("far", "least", "most"), [(10.0, 0.85, 1.0), (30.0, 0.45, 0.65), (60.0, -0.1, 0.25)])

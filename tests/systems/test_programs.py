@@ -5,7 +5,7 @@ import pytest
 from flockbrush.behaviours import trigger
 from flockbrush.behaviours.amounts import Length
 from flockbrush.behaviours.program import shipped_programs
-from flockbrush.behaviours.trigger import Condition, condition, conditions, given
+from flockbrush.behaviours.trigger import Condition, condition, conditions, field
 from flockbrush.components import BrushBinding, ProgramState
 from flockbrush.engine.commands import CommandError, Commands
 from flockbrush.engine.plugins import PluginError
@@ -345,7 +345,7 @@ def test_a_default_of_a_condition_in_words_is_an_amount(own_conditions):
     @trigger.condition
     class Longish(trigger.Condition):
         longish: Length
-        at_most: Length = trigger.given("100 m", "no longer than this")
+        at_most: Length = trigger.field("100 m", "no longer than this")
 
         def holds(self, senses, rows):
             length = senses.length[rows]
@@ -400,7 +400,7 @@ def test_a_region_that_moves_is_asked_where_it_is():
 
 def test_a_condition_of_others_that_fails_is_named_also_inside_another(monkeypatch):
     class Ominous(Condition):
-        ominous: bool = given(True, "fails")
+        ominous: bool = field(True, "fails")
 
         def holds(self, senses, rows):
             raise KeyError("omen")
@@ -422,7 +422,7 @@ def test_a_condition_of_others_that_fails_is_named_also_inside_another(monkeypat
     ],
 )
 def test_a_condition_of_others_that_tells_something_wrong_is_named_as_it_is_read(method, acts, words, own_conditions):
-    made = {"__module__": __name__, "__annotations__": {"ominous": bool}, "ominous": given(True, "fails"), method: acts}
+    made = {"__module__": __name__, "__annotations__": {"ominous": bool}, "ominous": field(True, "fails"), method: acts}
     condition(type("Ominous", (Condition,), made))
     with pytest.raises(PluginError, match=f"test_programs.py.*{words}"):
         two_states("{ ominous = true }")
@@ -431,7 +431,7 @@ def test_a_condition_of_others_that_tells_something_wrong_is_named_as_it_is_read
 def test_a_class_of_others_that_fails_to_check_its_fields_is_named(own_conditions):
     @condition
     class Ominous(Condition):
-        ominous: bool = given(True, "fails")
+        ominous: bool = field(True, "fails")
 
         @field_validator("ominous")
         @classmethod

@@ -6,7 +6,7 @@ from flockbrush.components import FormationPlace, Heading, Position, Role, Veloc
 from flockbrush.components.formation import Lost
 from flockbrush.systems.commands import Migrate, RemoveAnimals
 from flockbrush.systems.groups import groups_of
-from flockbrush.systems.initiation import scattered
+from flockbrush.systems.initiation import random_flock
 from flockbrush.systems.skeins import skeins
 from small_herd import brush, meadow, put
 
@@ -19,7 +19,7 @@ def sky(*flocks, shuffle_seed=None, **parameters):
                  vision={"range": 60.0}, transition=0.0, deviation=0.0, **parameters)  # fmt: skip
     simulation = meadow(kind, boundary="open", shuffle_seed=shuffle_seed)
     for birds, east, north, heading in flocks:
-        x, y, off = scattered(birds, 3)
+        x, y, off = random_flock(birds, 3)
         put(simulation, np.c_[x * WING + east, y * WING + north], np.radians(heading) - 0.5 * off)
     a = simulation.agents
     a[Position.xyz][:, 2] = 50.0

@@ -14,8 +14,8 @@ from flockbrush.systems.terrain import (
     point_in_polygon,
     rasterise_polygon,
     relief_of,
+    sample_ground,
     slope_factor_,
-    underfoot,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -42,7 +42,7 @@ def under(xyz, cell=1.0, surface=None, brush=None, relief=None, relief_cell=1.0)
     n = len(xyz)
     out = Footing(np.empty(n), np.empty(n), np.empty(n, np.int32), np.empty((n, 2)), np.empty(n))
     heights = Heights(relief_of() if relief is None else relief, relief_cell, (0.0, 0.0))
-    underfoot(0, n, xyz, cell, surface, brush, heights, out)
+    sample_ground(0, n, xyz, cell, surface, brush, heights, out)
     return out
 
 
@@ -94,7 +94,7 @@ def test_height_and_slope_do_not_jump():
 def test_only_the_rows_asked_are_written():
     nothing = np.full(4, -7.0), np.full(4, -7.0), np.full(4, -7, np.int32), np.full((4, 2), -7.0), np.full(4, -7.0)
     out, heights = Footing(*nothing), Heights(relief_of(), 1.0, (0.0, 0.0))
-    underfoot(1, 3, np.ones((4, 3)), 1.0, compose_caps((4, 8), 1.0), np.zeros((4, 8), np.int32), heights, out)
+    sample_ground(1, 3, np.ones((4, 3)), 1.0, compose_caps((4, 8), 1.0), np.zeros((4, 8), np.int32), heights, out)
     np.testing.assert_array_equal(out[0], [-7, 1, 1, -7])
     np.testing.assert_array_equal(out[2], [-7, 0, 0, -7])
 

@@ -9,8 +9,8 @@ from flockbrush.engine.problems import ProblemsError
 from flockbrush.studio.needed import program_needed, programs_of
 from flockbrush.studio.panels.panel import FieldsPanel
 from flockbrush.studio.panels.program_form import cards_of, changed, with_state, with_trigger, without
-from flockbrush.systems.program_commands import Event, GiveProgram, heard
-from flockbrush.systems.program_reports import counts
+from flockbrush.systems.program_commands import Event, GiveProgram, event_names
+from flockbrush.systems.program_reports import count_by_state
 from flockbrush.systems.programs import Programs
 
 
@@ -94,7 +94,7 @@ class StatesPanel(FieldsPanel):
             self.shown = known
             self._lay_out(program)
         if program is not None:
-            state_counts = counts(self.world)[program.name]
+            state_counts = count_by_state(self.world)[program.name]
             for state, label in self.counted.items():
                 text = f"{state}   {state_counts.get(state, 0):,}"
                 if label.text != text:
@@ -127,7 +127,7 @@ class StatesPanel(FieldsPanel):
             self.button("Choose a program", self._ask_program, 0, px(30), self.inner)
             return px(66)
         self.label(program.title or program.name, 0, 0, self.inner, "@heading")
-        y, events = px(28), heard(self.world)
+        y, events = px(28), event_names(self.world)
         several = len(self.world.resource(Programs)) > 1
         if several:
             self.button("Next program", self._next, 0, y, half)
